@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 
 
@@ -31,3 +33,21 @@ def vertex_coordinates(mesh) -> np.ndarray:
     coordinates = np.full((index_map.size_local + index_map.num_ghosts, 2), np.nan)
     coordinates[cells] = mesh.geometry.x[nodes, :2]
     return coordinates
+
+
+def open_gmsh(gmsh) -> bool:
+    """Initialise gmsh unless it is already open (True where this call did it).
+
+    No configuration files and no signal handlers; gmsh before 4.9 (Debian 12) has neither `isInitialized` nor the
+    `interruptible` option, and needs none: its Python handler came later.
+    """
+    try:
+        gmsh.option.getNumber("General.Terminal")
+        return False
+    except Exception:  # gmsh raises bare Exception where it is not initialised
+        pass
+    options = {"readConfigFiles": False}
+    if "interruptible" in inspect.signature(gmsh.initialize).parameters:
+        options["interruptible"] = False
+    gmsh.initialize(**options)
+    return True

@@ -212,9 +212,7 @@ def _gmsh_session():
     """gmsh with an empty model of its own; silent, without signal handlers, finalised unless it was already open."""
     import gmsh
 
-    opened = not gmsh.isInitialized()
-    if opened:
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
+    opened = _compat.open_gmsh(gmsh)
     previous = None if opened else gmsh.model.getCurrent()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -260,13 +258,17 @@ def _foundation_geometry(gmsh, width, depth, plate, corners) -> None:
         points = [occ.addPoint(*corner, 0.0) for corner in corners]
         lines = [occ.addLine(points[i - 1], points[i]) for i in range(len(points))]
         tools.append((2, occ.addPlaneSurface([occ.addCurveLoop(lines)])))
-    _, children = occ.fragment([soil], tools)
+    occ.fragment([soil], tools)
     occ.synchronize()
-    inside = {tag for dim, tag in children[-1] if dim == 2} if corners is not None else set()
-    outside = [tag for _, tag in gmsh.model.getEntities(2) if tag not in inside]
-    for tag, surfaces in ((SOIL, outside), (REGION, sorted(inside))):
-        if surfaces:
-            gmsh.model.addPhysicalGroup(2, surfaces, tag)
+    surfaces = {SOIL: [tag for _, tag in gmsh.model.getEntities(2)], REGION: []}
+    if corners is not None:
+        (x0, y0), (x1, y1), slack = corners.min(axis=0), corners.max(axis=0), 1e-5 * depth
+        box = (x0 - slack, y0 - slack, -slack, x1 + slack, y1 + slack, slack)
+        surfaces[REGION] = [tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*box, 2)]
+        surfaces[SOIL] = [tag for tag in surfaces[SOIL] if tag not in surfaces[REGION]]
+    for tag, members in surfaces.items():
+        if members:
+            gmsh.model.addPhysicalGroup(2, members, tag)
 
 
 def _grade(gmsh, width, depth, plate, size, size_near, cell) -> None:
