@@ -41,11 +41,12 @@ def open_gmsh(gmsh) -> bool:
     No configuration files and no signal handlers; gmsh before 4.9 (Debian 12) has neither `isInitialized` nor the
     `interruptible` option, and needs none: its Python handler came later.
     """
-    try:
-        gmsh.option.getNumber("General.Terminal")
+    if hasattr(gmsh, "isInitialized"):
+        already = bool(gmsh.isInitialized())
+    else:
+        already = gmsh.option.getString("General.Version") != ""  # calls before `initialize` return nothing here
+    if already:
         return False
-    except Exception:  # gmsh raises bare Exception where it is not initialised
-        pass
     options = {"readConfigFiles": False}
     if "interruptible" in inspect.signature(gmsh.initialize).parameters:
         options["interruptible"] = False
