@@ -44,7 +44,10 @@ def open_gmsh(gmsh) -> bool:
     if hasattr(gmsh, "isInitialized"):
         already = bool(gmsh.isInitialized())
     else:
-        already = gmsh.option.getString("General.Version") != ""  # calls before `initialize` return nothing here
+        try:
+            already = gmsh.option.getString("General.Version") != ""  # empty before the first `initialize`
+        except Exception:  # a bare Exception after `finalize`
+            already = False
     if already:
         return False
     options = {"readConfigFiles": False}
