@@ -1,0 +1,277 @@
+"""A deformable body on a dolfinx mesh: state, lumped mass, internal and external forces.
+
+Arrays of nodes have the shape (n_owned, components), components (x, y[, rotation]), SI units, per metre of thickness;
+they hold the nodes that this rank owns. Calls marked collective must be made by every rank.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from . import _compat, boundaries, cells, cuts, fields, forms, location, motion, stability
+from .materials import Material
+
+DEGREE = {3: 2, 4: 3}  # quadrature degree by nodes a cell: three points, or 2 x 2 points
+MASSLESS = 1e-12  # of the largest nodal mass; below it a component does not move by itself
+
+
+class Body:
+    """Plane-strain body of one linear material, with nodal displacements (and rotations of a Cosserat material).
+
+    Args:
+        domain: mesh with named facets (`mesh`, `facets(name)`), as made by `meshes.domains`.
+        material: Cauchy, Cosserat or CosseratModuli.
+        micro_inertia: rotational inertia per volume Theta: "scaled" (rho h_e^2 / 12, quasi-static runs; h_e^2 is the
+            area of the quadrilateral, or of two triangles), "physical" (rho r^2 / 2 of discs) or a number (kg/m).
+        particle_radius: radius r (m) of the discs; needed for "physical".
+        excluded: region whose part of all integrals (stiffness, mass, loads) is left out: exact where it has
+            `corners` (a convex polygon, such as a Box), else by 16 x 16 sub-cells a cell.
+
+    Construction is collective.
+    """
+
+    def __init__(
+        self,
+        domain: Any,
+        material: Material,
+        micro_inertia: str | float = "scaled",
+        particle_radius: float | None = None,
+        excluded: Any = None,
+    ):
+        self.domain, self.material, self.excluded = domain, material, excluded
+        self.mesh = domain.mesh
+        self.comm = self.mesh.comm
+        self.components = material.components
+        self.time = 0.0
+
+        self.space = _compat.nodal_space(self.mesh, self.components)
+        index_map = self.space.dofmap.index_map
+        self.count = index_map.size_local
+        self.owned_range = tuple(int(i) for i in index_map.local_range)
+        owned_cells = self.mesh.topology.index_map(2).size_local
+        self._all_nodes = _compat.cell_nodes(self.space)
+        self.cell_nodes = self._all_nodes[:owned_cells]
+        self.all_coordinates = self._node_places()
+        self.coordinates = self.all_coordinates[: self.count]
+        self.cell_corners = self.all_coordinates[self.cell_nodes]
+
+        self._displacement, self.displacement = self._nodal("displacement")
+        self._velocity, self.velocity = self._nodal("velocity")
+        self._acceleration, self.acceleration = self._nodal("acceleration")
+        self._trial, self._trial_values = self._nodal("trial")
+
+        inertia = self._micro_inertia(micro_inertia, particle_radius)
+        self._cut_up()
+        self._compile(inertia)
+        self.boundaries = boundaries.Boundaries(self)
+        self.motion = motion.Motion(self)
+
+    # construction
+
+    def _node_places(self) -> np.ndarray:
+        index_map = self.space.dofmap.index_map
+        places = np.zeros((index_map.size_local + index_map.num_ghosts, 2))
+        places[self._all_nodes] = self.mesh.geometry.x[_compat.geometry_nodes(self.mesh), :2]
+        return places
+
+    def _nodal(self, name: str):
+        """A Function on the nodal space and the (n_owned, components) view of its owned values."""
+        function = fem.Function(self.space)
+        function.name = name
+        return function, function.x.array[: self.count * self.components].reshape(self.count, self.components)
+
+    def _micro_inertia(self, choice: str | float, radius: float | None) -> np.ndarray:
+        """Theta (cells,) of the owned cells in kg/m."""
+        density, nodes = self.material.density, self._all_nodes.shape[1]
+        if choice == "scaled":
+            return density * cells.areas(self.cell_corners) * (2.0 if nodes == 3 else 1.0) / 12.0
+        if choice == "physical":
+            if radius is None or not (np.isfinite(radius) and radius > 0):
+                raise ValueError(f'particle_radius={radius} must be positive (m) for micro_inertia="physical"')
+            return np.full(len(self.cell_corners), 0.5 * density * radius**2)
+        if isinstance(choice, str) or not (np.isfinite(choice) and choice > 0):
+            raise ValueError(f'micro_inertia={choice!r} must be "scaled", "physical" or a positive number (kg/m)')
+        return np.full(len(self.cell_corners), float(choice))
+
+    def _cut_up(self) -> None:
+        """Uncovered fractions, tags of whole and cut cells, weights at the points of cut cells."""
+        self.cell_fractions, weights = np.ones(len(self.cell_corners)), {}
+        if self.excluded is not None:
+            if not hasattr(self.excluded, "contains"):
+                raise ValueError(f"excluded={self.excluded} must be a region (an object with contains)")
+            self.cell_fractions, weights = cuts.uncovered(self.cell_corners, self.excluded)
+        total = self.comm.allreduce(int(np.count_nonzero(self.cell_fractions)))
+        if total == 0:
+            raise ValueError(f"excluded={self.excluded} covers the whole mesh; nothing is left of the body")
+        tags = np.where(self.cell_fractions == 1.0, forms.WHOLE, forms.CUT).astype(np.int32)
+        kept = np.flatnonzero(self.cell_fractions > 0.0).astype(np.int32)
+        self._measure = ufl.Measure(
+            "dx", domain=self.mesh, subdomain_data=dmesh.meshtags(self.mesh, 2, kept, tags[kept])
+        )
+        nodes = self._all_nodes.shape[1]
+        self._degrees = DEGREE[nodes], cuts.CUT_DEGREE[nodes]
+        self._weight = None
+        if self.comm.allreduce(len(weights)) > 0:  # every rank compiles the same forms
+            space = _compat.quadrature_space(self.mesh, self._degrees[1])
+            self._weight = fem.Function(space)
+            table = _compat.cell_nodes(space)
+            for cell, values in weights.items():
+                self._weight.x.array[table[cell]] = values
+
+    def _compile(self, inertia: np.ndarray) -> None:
+        """Stiffness matrix, form of the internal force and lumped mass."""
+        self._stiffness = fem.Constant(self.mesh, np.array(self.material.stiffness, dtype=float))
+        self._couple = fem.Constant(self.mesh, np.array(self.material.couple, dtype=float))
+        self._density = fem.Constant(self.mesh, float(self.material.density))
+        self._theta = fem.Function(_compat.cell_space(self.mesh))
+        self._theta.x.array[: len(inertia)] = inertia
+        w, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        self._matrix = _compat.assemble_matrix(_compat.form(self._work(w, v)))
+        self._internal = _compat.form(self._work(self._trial, v))
+        result, mass = self._nodal("mass")
+        _compat.assemble_into(result, _compat.form(self._mass(v)))
+        self.mass = np.where(mass > MASSLESS * self._largest(mass), mass, 0.0)
+        self._result = result
+        self._result_values = result.x.array[: self.count * self.components].reshape(self.count, self.components)
+        self._force = np.zeros((self.count, self.components))
+        self._vectors = tuple(
+            PETSc.Vec().createWithArray(array.reshape(-1), bsize=self.components, comm=self.comm)
+            for array in (self.displacement, self._trial_values, self._force)
+        )
+
+    def _work(self, w, v):
+        density = forms.internal_work(w, v, self._stiffness, self._couple)
+        return forms.over_uncovered(density, self._measure, self._weight, *self._degrees)
+
+    def _mass(self, v):
+        density = forms.lumped_mass(v, self._density, self._theta)
+        return forms.over_uncovered(density, self._measure, self._weight, *self._degrees)
+
+    def _largest(self, array: np.ndarray) -> np.ndarray:
+        """Largest value of each component over all ranks."""
+        return self._reduce_max(array.max(axis=0) if len(array) else np.zeros(self.components))
+
+    def _reduce_max(self, local: np.ndarray) -> np.ndarray:
+        """Largest values over all ranks, entry by entry (collective)."""
+        result = np.empty_like(local)
+        self.comm.Allreduce(local, result, op=MPI.MAX)
+        return result
+
+    # forces
+
+    def internal_force(self, displacement: np.ndarray | None = None, method: str = "matrix") -> np.ndarray:
+        """Internal force + integral of B^T sigma (n_owned, components) in N and N m (collective).
+
+        Args:
+            displacement: (n_owned, components); the body's own when None.
+            method: "matrix" (action of the assembled matrix) or "form" (assembly of the UFL form); equal to rounding.
+        """
+        if method == "matrix":
+            source = self._vectors[0]
+            if displacement is not None:
+                self._trial_values[:] = displacement
+                source = self._vectors[1]
+            self._matrix.mult(source, self._vectors[2])
+            return self._force.copy()
+        if method != "form":
+            raise ValueError(f'method="{method}" must be "matrix" or "form"')
+        self._trial_values[:] = self.displacement if displacement is None else displacement
+        self._trial.x.scatter_forward()
+        _compat.assemble_into(self._result, self._internal)
+        return self._result_values.copy()
+
+    def external_force(self) -> np.ndarray:
+        """Constant loads (n_owned, components): tractions and body force on the uncovered part; not to be written."""
+        return self.boundaries.loads
+
+    def update_ghosts(self) -> None:
+        """Send owned displacements, velocities and accelerations to the ranks that hold them as ghosts (collective)."""
+        if self.comm.size > 1:
+            for function in (self._displacement, self._velocity, self._acceleration):
+                function.x.scatter_forward()
+
+    def strain_energy(self) -> float:
+        """Strain energy of the uncovered part in J (collective)."""
+        return self._total(0.5 * float(np.vdot(self.displacement, self.internal_force())))
+
+    def kinetic_energy(self) -> float:
+        """Kinetic energy 1/2 v M v in J (collective)."""
+        return self._total(0.5 * float(np.vdot(self.velocity, self.mass * self.velocity)))
+
+    def _total(self, local):
+        """Sum over the ranks of a number or an array."""
+        return local if self.comm.size == 1 else self.comm.allreduce(local)
+
+    # boundary conditions and loads
+
+    def fix(self, where: str | Callable, directions: str) -> None:
+        """Hold the directions ("x", "y", "r" together, e.g. "xyr") of the nodes `where` at rest (collective).
+
+        Args:
+            where: name of facets of the domain, a region, or a function of points (n, 2) giving bools (n,).
+            directions: held components; a later call wins where two name the same component.
+        """
+        self.boundaries.prescribe(where, directions, 0.0)
+
+    def prescribe(self, where: str | Callable, directions: str, velocity: float | Callable[[float], float]) -> None:
+        """Move the directions of the nodes `where` with a velocity (m/s, rad/s), a number or a function of time."""
+        self.boundaries.prescribe(where, directions, velocity)
+
+    def traction(self, name: str, traction) -> None:
+        """Add a dead load (t_x, t_y) in Pa on the facets called `name`, on their uncovered part only (collective)."""
+        self.boundaries.traction(name, traction)
+
+    def gravity(self, acceleration) -> None:
+        """Body force (g_x, g_y) per unit mass in m/s2; replaces an earlier one."""
+        self.boundaries.gravity(acceleration)
+
+    @property
+    def fixed(self) -> np.ndarray:
+        """True (n_owned, components) where a component is prescribed."""
+        return self.boundaries.fixed
+
+    def prescribed_velocity(self, time: float) -> np.ndarray:
+        """Prescribed velocities (n_owned, components) at a time; zero where nothing is prescribed."""
+        return self.boundaries.velocity(time)
+
+    def reaction(self, where: str | Callable) -> np.ndarray:
+        """Force and moment (f_x, f_y, moment about the origin) that the support `where` exerts on the body (collective).
+
+        From M a + c M v + F_int - F_ext on its prescribed components, with the mass damping c of the last `advance`.
+        A node in two groups counts in both.
+        """
+        return self.boundaries.reaction(where, self.motion.mass_damping)
+
+    # motion, limits, look-ups
+
+    def advance(self, steps: int, step: float, mass_damping: float = 0.0, local_damping: float = 0.0) -> None:
+        """Take explicit steps; see `motion.Motion.advance` (collective)."""
+        self.motion.advance(steps, step, mass_damping, local_damping)
+
+    def energies(self) -> dict[str, float]:
+        """Energy terms and balance error in J; see `motion.Motion.energies` (collective)."""
+        return self.motion.energies()
+
+    def critical_step(self, bound: str = "element") -> float:
+        """Largest stable step in s; see `stability.critical_step` (collective)."""
+        return stability.critical_step(self, bound)
+
+    def shape_functions(self, points) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Cells' shape functions at points; see `location.shape_functions` (collective)."""
+        return location.shape_functions(self, points)
+
+    def strain_fields(self) -> dict[str, fem.Function]:
+        """Cell-wise strain measures for output; see `fields.strain_fields` (collective)."""
+        return fields.strain_fields(self)
+
+    def stress_fields(self) -> dict[str, fem.Function]:
+        """Cell-wise stress measures for output; see `fields.stress_fields` (collective)."""
+        return fields.stress_fields(self)

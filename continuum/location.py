@@ -1,0 +1,72 @@
+"""Which cell a point lies in, and the shape functions there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from . import _compat, cells
+
+TOLERANCE = 1e-8  # of the cell's size: a point this far outside the mesh still belongs to the cell at its edge
+
+
+def shape_functions(body: Any, points) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Shape functions of the mesh at points (collective; every rank gives its own points, perhaps none).
+
+    A point on an edge goes to the cell that came first when the mesh was made, whatever the number of ranks. Set-up
+    work: all points visit all ranks.
+
+    Args:
+        body: the Body.
+        points: (k, 2) in m.
+
+    Returns:
+        Global node numbers (k, nodes a cell) int64, -1 where the point was not found; values (k, nodes a cell), 0
+        there; found (k,) bool.
+    """
+    points = np.asarray(points, dtype=float)
+    if points.size == 0:
+        points = points.reshape(0, 2)
+    if points.ndim != 2 or points.shape[1] < 2 or not np.all(np.isfinite(points)):
+        raise ValueError(f"points of shape {points.shape} must be finite with the shape (k, 2)")
+    counts = body.comm.allgather(len(points))
+    everyone = np.concatenate(body.comm.allgather(np.ascontiguousarray(points[:, :2])))
+    order, nodes, values = _owned_cells(body, everyone)
+    if body.comm.size > 1:
+        best = np.empty_like(order)
+        body.comm.Allreduce(order, best, op=MPI.MIN)
+        lost = order != best
+        nodes[lost], values[lost] = -1, 0.0
+        for array, operation in ((nodes, MPI.MAX), (values, MPI.SUM)):
+            total = np.empty_like(array)
+            body.comm.Allreduce(array, total, op=operation)
+            array[:] = total
+        order = best
+    mine = slice(sum(counts[: body.comm.rank]), sum(counts[: body.comm.rank + 1]))
+    found = order[mine] < np.iinfo(np.int64).max
+    return nodes[mine].copy(), values[mine].copy(), found
+
+
+def _owned_cells(body: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Original number of the containing cell owned here (int64 maximum: none), its global nodes and the values."""
+    width = body._all_nodes.shape[1]
+    order = np.full(len(points), np.iinfo(np.int64).max)
+    nodes, values = np.full((len(points), width), -1, dtype=np.int64), np.zeros((len(points), width))
+    size = float(np.sqrt(cells.areas(body.cell_corners).max())) if len(body.cell_corners) else 1.0
+    point, cell = _compat.cells_near(body.mesh, np.arange(len(body.cell_corners)), points, TOLERANCE * size)
+    if len(point) == 0:
+        return order, nodes, values
+    reference = cells.reference_points(body.cell_corners[cell], points[point])
+    hit = cells.inside(reference, width, TOLERANCE)
+    point, cell, reference = point[hit], cell[hit], reference[hit]
+    original = np.asarray(body.mesh.topology.original_cell_index)[cell]
+    sequence = np.lexsort((original, point))
+    point, cell, reference, original = (a[sequence] for a in (point, cell, reference, original))
+    point, first = np.unique(point, return_index=True)
+    order[point] = original[first]
+    local = np.ascontiguousarray(body.cell_nodes[cell[first]].ravel().astype(np.int32))
+    nodes[point] = body.space.dofmap.index_map.local_to_global(local).reshape(-1, width)
+    values[point] = cells.shape_functions(reference[first], width)
+    return order, nodes, values
