@@ -82,20 +82,18 @@ def quadrature_rule(cell_name: str, degree: int) -> tuple[np.ndarray, np.ndarray
 
 def cell_nodes(space) -> np.ndarray:
     """Local node numbers (cells, nodes per cell) of a space, ghost cells included."""
-    return _table(space.dofmap.list, space.mesh)
+    return _table(space.dofmap.list, space.dofmap.dof_layout.num_dofs)
 
 
 def geometry_nodes(mesh) -> np.ndarray:
     """Rows of `mesh.geometry.x` (cells, nodes per cell), ghost cells included."""
-    return _table(mesh.geometry.dofmap, mesh)
+    return _table(mesh.geometry.dofmap, 3 if mesh.topology.cell_name() == "triangle" else 4)
 
 
-def _table(links, mesh) -> np.ndarray:
+def _table(links, width: int) -> np.ndarray:
     """Links of the cells as a table: an AdjacencyList until 0.6, an array since."""
-    index_map = mesh.topology.index_map(mesh.topology.dim)
-    count = index_map.size_local + index_map.num_ghosts
     array = links.array if hasattr(links, "array") else np.asarray(links)
-    return array.reshape(count, -1 if count else 1)
+    return array.reshape(-1, width)
 
 
 def form(expression):
