@@ -2,5 +2,6 @@
 
 from .body import Body
 from .materials import Cauchy, Cosserat, CosseratModuli
+from .motion import Unstable
 
-__all__ = ["Body", "Cauchy", "Cosserat", "CosseratModuli"]
+__all__ = ["Body", "Cauchy", "Cosserat", "CosseratModuli", "Unstable"]

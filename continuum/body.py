@@ -62,6 +62,8 @@ class Body:
         self.all_coordinates = self._node_places()
         self.coordinates = self.all_coordinates[: self.count]
         self.cell_corners = self.all_coordinates[self.cell_nodes]
+        area, number = cells.areas(self.cell_corners).sum(), len(self.cell_corners)
+        self.cell_size = float(np.sqrt(self._total(float(area)) / self._total(number)))  # mean, m
 
         self._displacement, self.displacement = self._nodal("displacement")
         self._velocity, self.velocity = self._nodal("velocity")

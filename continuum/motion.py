@@ -6,11 +6,24 @@ With h the step (Li & Wan 2010, eqs 31-34; the same as their eqs 27-30 for parti
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+CHECK_EVERY = 50  # steps between two looks for a blow-up
 SUMS = ("mass_damping", "local_damping", "external_work")
+
+
+class Unstable(RuntimeError):
+    """The explicit motion has blown up; the message says where and when."""
+
+
+class Known(NamedTuple):
+    """State that an acceleration belongs to, the settings it was computed with and the account's error then (J)."""
+
+    state: tuple[np.ndarray, ...]
+    settings: tuple[int, float]
+    imbalance: float
 
 
 class Motion:
@@ -20,7 +33,9 @@ class Motion:
         self._body = body
         self.mass_damping = 0.0
         self._sums = dict.fromkeys(SUMS, 0.0)  # J, this rank's share
-        self._known: Any = None  # what the acceleration belongs to
+        self._fastest = float(np.sqrt(np.abs(body.material.stiffness).max() / body.material.density))  # m/s
+        self._lengths = np.array([1.0, 1.0, body.cell_size])[: body.components]  # from rates to speeds
+        self._known = Known(tuple(np.zeros_like(array) for array in self._state()), (-1, 0.0), 0.0)
         self._step = 0.0
         self._reference = 0.0  # J, this rank's share of the energy at the start
 
@@ -35,6 +50,9 @@ class Motion:
             step: s; the caller keeps it below `critical_step`.
             mass_damping: c in 1/s, force -c M v.
             local_damping: alpha in [0, 1), force -alpha |F| sgn(v') on each component (Zhao et al. 2012, eq. 26).
+
+        Raises:
+            Unstable: a node moves faster than the fastest wave (looked at every 50 steps and at the end).
         """
         _check(steps, step, mass_damping, local_damping)
         body, half = self._body, 0.5 * step
@@ -50,7 +68,7 @@ class Motion:
         damping, reaction = self._damping, self._reaction
         middle = v + half * a
         middle.ravel()[at] = boundaries.velocity_flat(body.time + half)
-        for _ in range(steps):
+        for done in range(steps):
             change = step * middle
             d += change
             force = loads - body.internal_force()
@@ -76,44 +94,55 @@ class Motion:
             self._sums["external_work"] += work
             middle = v + half * a
             middle.ravel()[at] = following
+            if (done + 1) % CHECK_EVERY == 0:
+                self._check_stable()
+        self._check_stable()
         self._damping, self._reaction = damping, reaction
         self._note(step, mass_damping)
         body.update_ghosts()
 
-    def _begin(self, step: float, mass_damping: float, local_damping: float, inverse: np.ndarray) -> None:
-        """Make the acceleration belong to the state, and the energy account continue from it."""
-        body, at = self._body, self._body.boundaries.fixed_flat
-        known = self._known
-        moved = known is None or not (
-            np.array_equal(known[0], body.displacement)
-            and np.array_equal(known[1], body.velocity)
-            and known[3:] == (body.boundaries.revision, mass_damping)
-        )
-        given = not np.array_equal(body.acceleration, np.zeros(1) if known is None else known[2]) and (
-            known is not None or bool(np.any(body.acceleration))
-        )
-        moved, given = bool(body._total(int(moved))), bool(body._total(int(given)))
-        force = None
-        if moved:
-            body.velocity.ravel()[at] = body.boundaries.velocity_flat(body.time)
-            force = body.external_force() - body.internal_force()
-            damping = -local_damping * np.abs(force) * np.sign(body.velocity)
-            if not given:
-                body.acceleration[:] = inverse * (force + damping) - mass_damping * np.where(
-                    inverse > 0, body.velocity, 0.0
-                )
-                ahead = body.boundaries.velocity_flat(body.time + 0.5 * step)
-                body.acceleration.ravel()[at] = (ahead - body.velocity.ravel()[at]) / (0.5 * step)
-            self._damping = np.where(inverse > 0, damping, 0.0)
-            motion = body.acceleration.ravel()[at] + mass_damping * body.velocity.ravel()[at]
-            self._reaction = body.mass.ravel()[at] * motion - force.ravel()[at]
-        if moved or step != self._step:
-            # continue the account: what the user or the new step changed is not an error of the integration
-            before = self._imbalance(self._step) if known is not None and not moved else self._last_imbalance()
-            self._reference += self._imbalance(step) - before
+    def _check_stable(self) -> None:
+        """Raise Unstable where a node outruns the fastest wave: its strain would then exceed 1 (collective)."""
+        body = self._body
+        speed = np.abs(body.velocity) * self._lengths
+        with np.errstate(invalid="ignore"):
+            wild = ~(speed.max(axis=1, initial=0.0) <= self._fastest)
+        places = [p for found in body.comm.allgather(body.coordinates[wild][:1]) for p in found]
+        if places:
+            x, y = places[0]
+            raise Unstable(
+                f"the continuum became unstable by t={body.time:.6g} s: the node at ({x:.6g}, {y:.6g}) m moves faster than "
+                f"the wave speed {self._fastest:.4g} m/s; reduce the step (critical_step) or the load"
+            )
 
-    def _last_imbalance(self) -> float:
-        return 0.0 if self._known is None else self._imbalance_noted
+    def _begin(self, step: float, mass_damping: float, local_damping: float, inverse: np.ndarray) -> None:
+        """Make the acceleration belong to the state, and let the energy account continue from it."""
+        body, at, half = self._body, self._body.boundaries.fixed_flat, 0.5 * step
+        known = self._known
+        settings = (body.boundaries.revision, mass_damping)
+        same = [np.array_equal(old, new) for old, new in zip(known.state, self._state())]
+        moved = bool(body._total(int(not (same[0] and same[1] and known.settings == settings))))
+        given = bool(body._total(int(not same[2])))
+        if moved:
+            free = inverse > 0
+            if not given:
+                body.velocity.ravel()[at] = body.boundaries.velocity_flat(body.time)
+            force = body.external_force() - body.internal_force()
+            before = body.velocity - half * body.acceleration if given else body.velocity
+            self._damping = np.where(free, -local_damping * np.abs(force) * np.sign(before), 0.0)
+            if not given:
+                drag = mass_damping * np.where(free, body.velocity, 0.0)
+                body.acceleration[:] = inverse * (force + self._damping) - drag
+                ahead = body.boundaries.velocity_flat(body.time + half)
+                body.acceleration.ravel()[at] = (ahead - body.velocity.ravel()[at]) / half
+            inertia = body.acceleration.ravel()[at] + mass_damping * body.velocity.ravel()[at]
+            self._reaction = body.mass.ravel()[at] * inertia - force.ravel()[at]
+        if moved or step != self._step:
+            # what the user or a new step changed is not an error of the integration
+            self._reference += self._imbalance(step) - known.imbalance
+
+    def _state(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self._body.displacement, self._body.velocity, self._body.acceleration
 
     def _imbalance(self, step: float) -> float:
         """Energy + losses - work - reference of this rank, with the integrator's own kinetic energy.
@@ -129,11 +158,9 @@ class Motion:
 
     def _note(self, step: float, mass_damping: float) -> None:
         """Remember the state that the acceleration belongs to."""
-        body = self._body
         self.mass_damping, self._step = mass_damping, step
-        state = (body.displacement.copy(), body.velocity.copy(), body.acceleration.copy())
-        self._known = (*state, body.boundaries.revision, mass_damping)
-        self._imbalance_noted = self._imbalance(step)
+        state = tuple(array.copy() for array in self._state())
+        self._known = Known(state, (self._body.boundaries.revision, mass_damping), self._imbalance(step))
 
     def energies(self) -> dict[str, float]:
         """Energy terms in J (collective).
@@ -146,7 +173,7 @@ class Motion:
         terms = {"strain": body.strain_energy(), "kinetic": body.kinetic_energy()}
         for name, value in self._sums.items():
             terms[name] = float(body._total(float(value)))
-        terms["balance"] = float(body._total(self._imbalance(self._step))) if self._known is not None else 0.0
+        terms["balance"] = float(body._total(self._imbalance(self._step)))
         return terms
 
 
