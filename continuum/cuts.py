@@ -13,6 +13,7 @@ import numpy as np
 from . import _compat, cells
 
 CUT_DEGREE = {3: 4, 4: 8}  # degree of the rule on cut cells by nodes a cell
+PIECE_DEGREE = 20  # on straight pieces: exact for parallelograms (8 would do), to 1e-11 for distorted quadrilaterals
 SUBCELLS = 16  # a side, for regions without straight edges
 TINY = 1e-9  # a smaller uncovered (covered) fraction counts as none (all)
 
@@ -79,7 +80,7 @@ def _by_polygon(corners: np.ndarray, polygon: np.ndarray):
     covered = np.all(beyond <= slack, axis=(1, 2))
     fractions, parts = np.where(covered, 0.0, 1.0), {}
     nodes = corners.shape[1]
-    points, weights = _compat.quadrature_rule("triangle", 12)
+    points, weights = _compat.quadrature_rule("triangle", PIECE_DEGREE)
     whole = cells.areas(corners)
     for cell in np.flatnonzero(~outside & ~covered):
         rest, pieces = corners[cell, cells.RING[nodes]], []
@@ -162,11 +163,11 @@ def _covered_interval(ends: np.ndarray, polygon: np.ndarray) -> tuple[float, flo
     outward = np.column_stack((edge[:, 1], -edge[:, 0])) / np.linalg.norm(edge, axis=1)[:, None]
     slack = TINY * np.abs(polygon - polygon.mean(axis=0)).max()
     for start, normal in zip(polygon, outward):
-        first, last = (ends - start) @ normal - slack
-        if first > 0 and last > 0:
+        first, last = (ends - start) @ normal
+        if first > slack and last > slack:
             return 0.0, 0.0
-        if first > 0:
+        if first > slack:
             low = max(low, first / (first - last))
-        elif last > 0:
+        elif last > slack:
             high = min(high, first / (first - last))
     return (low, high) if high > low else (0.0, 0.0)
