@@ -313,7 +313,7 @@ class Assembly:
             row = int(np.argwhere(~np.isfinite(system.state))[0, 0])
             raise Unstable(f"particle {self._ids[row]} has no finite position or velocity at t={self.time:g} s")
         state = system.state
-        width = 2.0 * self._radii.max(initial=0.5) + self.skin
+        width = 2.0 * self._radii.max(initial=0.0) + self.skin
         old_row_of = np.arange(self.count, dtype=np.int32)
         changed: dict[str, Any] = {}
         if self.count and (

@@ -141,8 +141,8 @@ def reference_pairs(soil: Assembly, contact_range: float = 1e-3) -> np.ndarray:
     """Ids (k, 2) of discs closer than (1 + contact_range) (r_i + r_j) in the reference state."""
     state = np.zeros((soil.count, 8))
     state[:, :2], state[:, 5] = soil.reference, soil.radii
-    largest = soil.radii.max(initial=1.0)
-    skin = 2.0 * contact_range * largest + 1e-12 * largest
+    largest = soil.radii.max(initial=0.0)
+    skin = (2.0 * contact_range + 1e-12) * largest
     none = np.zeros(soil.count, dtype=bool)
     start, second = neighbours.list_pairs(state, none, 2.0 * largest + skin, skin, 4 * soil.count + 16)
     first = np.repeat(np.arange(soil.count), np.diff(start))
