@@ -72,7 +72,12 @@ def rectangle(lower, upper, cells=(18, 9), cell="quadrilateral", plate: float | 
         comm: MPI communicator.
     """
     lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-    if lower.shape != (2,) or upper.shape != (2,) or not np.all(lower < upper) or not np.all(np.isfinite(upper - lower)):
+    if (
+        lower.shape != (2,)
+        or upper.shape != (2,)
+        or not np.all(lower < upper)
+        or not np.all(np.isfinite(upper - lower))
+    ):
         raise ValueError(f"lower={lower} must lie below and left of upper={upper}, both (x, y) in m")
     counts = np.asarray(cells)
     if counts.shape != (2,) or counts.dtype.kind not in "iu" or np.any(counts < 1):

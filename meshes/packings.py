@@ -7,9 +7,7 @@ import numpy as np
 EDGE_TOLERANCE = 1e-9  # a centre this close to the edge, relative to the radius, counts as inside
 
 
-def square_45(
-    region, radius: float, anchor: tuple[float, float] | None = None, surface: str = "tangent"
-) -> np.ndarray:
+def square_45(region, radius: float, anchor: tuple[float, float] | None = None, surface: str = "tangent") -> np.ndarray:
     """Square lattice turned by 45 degrees: contact normals at +-45 degrees.
 
     Rows lie r sqrt(2) apart, sites in a row 2 r sqrt(2), neighbouring rows are shifted by half that spacing. All

@@ -69,7 +69,9 @@ def element_energy(material, corners, weights_of, displacement):
     from continuum._compat import quadrature_rule
 
     points, weights = quadrature_rule("quadrilateral", cuts.CUT_DEGREE[4])
-    return quadratic_form(material, corners, points, weights * cells.determinants(corners, points) * weights_of, displacement)
+    return quadratic_form(
+        material, corners, points, weights * cells.determinants(corners, points) * weights_of, displacement
+    )
 
 
 def quadratic_form(material, corners, points, measure, displacement):
@@ -88,7 +90,9 @@ def test_cut_of_a_distorted_quadrilateral_is_exact(make_material):
     low, high = (cells.shape_functions(np.array([[split, s]]), 4)[0] @ corners for s in (0.0, 1.0))
     along = high - low
     away = np.array([along[1], -along[0]])  # to the side of larger xi
-    region = SimpleNamespace(corners=np.array([low - along, low - along + 9 * away, high + along + 9 * away, high + along]))
+    region = SimpleNamespace(
+        corners=np.array([low - along, low - along + 9 * away, high + along + 9 * away, high + along])
+    )
     fractions, factors = cuts.uncovered(corners[None], region)
     gauss, weight = np.polynomial.legendre.leggauss(40)
     x, y = (a.ravel() for a in np.meshgrid(split * (gauss + 1) / 2, (gauss + 1) / 2, indexing="ij"))
@@ -119,13 +123,17 @@ def test_other_regions_by_subcells(region, cell, make_domain, make_material):
 
 def test_thin_slivers_are_stable(cell, make_domain, make_material):
     """A cut that leaves 1e-6 of a cell: no negative energy."""
-    body = Body(domains.rectangle((0, 0), (2, 1), (2, 1), cell), make_material("cosserat"), excluded=Box((1e-6, -1), (1.7, 2)))
+    body = Body(
+        domains.rectangle((0, 0), (2, 1), (2, 1), cell), make_material("cosserat"), excluded=Box((1e-6, -1), (1.7, 2))
+    )
     eigenvalues = np.linalg.eigvalsh(stiffness(body))
     assert eigenvalues[0] > -1e-11 * eigenvalues[-1]
     assert body.mass[:, 0].sum() / 2042 == pytest.approx(0.3 + 1e-6, rel=1e-12)
 
 
-@pytest.mark.parametrize("region", [Box((0.5, 1.0), (1.3, 5.0)), HalfPlane((0, 1.9), (0, -1)) & Box((0.5, 1.0), (1.3, 3.0))])
+@pytest.mark.parametrize(
+    "region", [Box((0.5, 1.0), (1.3, 5.0)), HalfPlane((0, 1.9), (0, -1)) & Box((0.5, 1.0), (1.3, 3.0))]
+)
 def test_tractions_act_on_the_uncovered_part(region, make_material):
     """Force and moment of the part of the edge outside x in [0.5, 1.3]; sub-cells (1/64) for the second."""
     body = Body(domains.rectangle((0, 0), (2, 2), (2, 2)), make_material("cauchy"), excluded=region)

@@ -91,7 +91,9 @@ def test_shape_functions_agree_whoever_asks(pair):
     body, serial, _ = pair
     count = 0 if WORLD.size > 1 and WORLD.rank == WORLD.size - 1 else 40 + WORLD.rank
     points = np.random.default_rng(WORLD.rank).random((count, 2)) * [18, 9]
-    points = np.concatenate((points, serial.coordinates[: 10 if count else 0], [[18.5, 3.0]] if count else np.empty((0, 2))))
+    points = np.concatenate(
+        (points, serial.coordinates[: 10 if count else 0], [[18.5, 3.0]] if count else np.empty((0, 2)))
+    )
     nodes, values, found = body.shape_functions(points)
     assert len(found) == len(points)
     assert np.array_equal(found, serial.shape_functions(points)[2])
