@@ -105,7 +105,8 @@ class Body:
 
     def _cut_up(self) -> None:
         """Uncovered fractions, tags of whole and cut cells, weights at the points of cut cells."""
-        self.cell_fractions, weights = np.ones(len(self.cell_corners)), {}
+        self.cell_fractions = np.ones(len(self.cell_corners))
+        weights: dict[int, np.ndarray] = {}
         if self.excluded is not None:
             if not hasattr(self.excluded, "contains"):
                 raise ValueError(f"excluded={self.excluded} must be a region (an object with contains)")

@@ -38,7 +38,7 @@ class Boundaries:
         nodes = self.nodes(where)
         if self._body._total(len(nodes)) == 0:
             raise ValueError(f"where={where} holds no nodes of the mesh")
-        components = [names.index(d) for d in directions]
+        components = np.array([names.index(d) for d in directions])
         self._source[np.ix_(nodes, components)] = len(self._motions)
         self._motions.append(velocity if callable(velocity) else float(velocity))
         self.fixed = self._source >= 0

@@ -20,10 +20,10 @@ def shape_gradients(points: np.ndarray, nodes: int) -> np.ndarray:
     x, y = points[..., 0], points[..., 1]
     one = np.ones_like(x)
     if nodes == 3:
-        columns = (-one, one, 0 * one), (-one, 0 * one, one)
+        by_x, by_y = [-one, one, 0 * one], [-one, 0 * one, one]
     else:
-        columns = (y - 1.0, 1.0 - y, -y, y), (x - 1.0, -x, 1.0 - x, x)
-    return np.stack([np.stack(column, axis=-1) for column in columns], axis=-1)
+        by_x, by_y = [y - 1.0, 1.0 - y, -y, y], [x - 1.0, -x, 1.0 - x, x]
+    return np.stack((np.stack(by_x, axis=-1), np.stack(by_y, axis=-1)), axis=-1)
 
 
 def jacobians(corners: np.ndarray, points: np.ndarray) -> np.ndarray:

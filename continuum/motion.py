@@ -36,6 +36,8 @@ class Motion:
         self._fastest = float(np.sqrt(np.abs(body.material.stiffness).max() / body.material.density))  # m/s
         self._lengths = np.array([1.0, 1.0, body.cell_size])[: body.components]  # from rates to speeds
         self._known = Known(tuple(np.zeros_like(array) for array in self._state()), (-1, 0.0), 0.0)
+        self._damping = np.zeros_like(body.mass)  # N, local damping force of the last evaluation
+        self._reaction = np.zeros(0)  # N, on the prescribed components
         self._step = 0.0
         self._reference = 0.0  # J, this rank's share of the energy at the start
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from dolfinx import mesh as dmesh
@@ -29,9 +30,9 @@ class Domain:
     `cell_names` and `facet_names` map a name to the tags that it unites.
     """
 
-    mesh: object
-    cell_tags: object
-    facet_tags: object
+    mesh: Any
+    cell_tags: Any
+    facet_tags: Any
     cell_names: dict[str, tuple[int, ...]] = field(default_factory=dict)
     facet_names: dict[str, tuple[int, ...]] = field(default_factory=dict)
 
@@ -60,7 +61,9 @@ def _tagged(tags, names: dict[str, tuple[int, ...]], name: str, kind: str) -> np
     return np.sort(tags.indices[np.isin(tags.values, names[name])]).astype(np.int32)
 
 
-def rectangle(lower, upper, cells=(18, 9), cell="quadrilateral", plate: float | None = None, comm=MPI.COMM_WORLD):
+def rectangle(
+    lower, upper, cells=(18, 9), cell="quadrilateral", plate: float | None = None, comm=MPI.COMM_WORLD
+) -> Domain:
     """Structured rectangle of equal cells; facets are called left, right, bottom, top (and plate).
 
     Args:
@@ -85,9 +88,11 @@ def rectangle(lower, upper, cells=(18, 9), cell="quadrilateral", plate: float | 
     _check_cell(cell)
     mesh = dmesh.create_rectangle(comm, [lower, upper], [int(n) for n in counts], CELL_TYPES[cell])
     middle = 0.5 * (lower[0] + upper[0])
-    span = None if plate is None else (middle - 0.5 * plate, middle + 0.5 * plate)
-    if span is not None and not (0 < plate <= upper[0] - lower[0]):
-        raise ValueError(f"plate={plate} must be positive and not wider than the rectangle (m)")
+    span = None
+    if plate is not None:
+        if not 0 < plate <= upper[0] - lower[0]:
+            raise ValueError(f"plate={plate} must be positive and not wider than the rectangle (m)")
+        span = (middle - 0.5 * plate, middle + 0.5 * plate)
     return _named(mesh, lower, upper, span)
 
 
@@ -136,7 +141,9 @@ def foundation(
     mesh, cell_tags = _from_gmsh(build, comm)[:2]
     half = 0.5 * plate
     named = _named(mesh, np.zeros(2), np.array([width, depth]), (0.5 * width - half, 0.5 * width + half))
-    names = {"soil": (SOIL, REGION)} if corners is None else {"soil": (SOIL, REGION), "region": (REGION,)}
+    names: dict[str, tuple[int, ...]] = {"soil": (SOIL, REGION)}
+    if corners is not None:
+        names["region"] = (REGION,)
     return Domain(mesh, cell_tags, named.facet_tags, names, named.facet_names)
 
 
