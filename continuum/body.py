@@ -65,9 +65,9 @@ class Body:
         area, number = cells.areas(self.cell_corners).sum(), len(self.cell_corners)
         self.cell_size = float(np.sqrt(self._total(float(area)) / self._total(number)))  # mean, m
 
-        self._displacement, self.displacement = self._nodal("displacement")
-        self._velocity, self.velocity = self._nodal("velocity")
-        self._acceleration, self.acceleration = self._nodal("acceleration")
+        self._displacement, self._displacement_values = self._nodal("displacement")
+        self._velocity, self._velocity_values = self._nodal("velocity")
+        self._acceleration, self._acceleration_values = self._nodal("acceleration")
         self._trial, self._trial_values = self._nodal("trial")
 
         inertia = self._micro_inertia(micro_inertia, particle_radius)
@@ -168,6 +168,35 @@ class Body:
         self.comm.Allreduce(local, result, op=MPI.MAX)
         return result
 
+    # state: views of the owned values; an assignment writes through them
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """Displacement (n_owned, components) in m and rad; a view, to be written in place."""
+        return self._displacement_values
+
+    @displacement.setter
+    def displacement(self, values) -> None:
+        self._displacement_values[:] = values
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Velocity (n_owned, components) in m/s and rad/s; a view, to be written in place."""
+        return self._velocity_values
+
+    @velocity.setter
+    def velocity(self, values) -> None:
+        self._velocity_values[:] = values
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """Acceleration (n_owned, components) in m/s2 and rad/s2; a view, to be written in place."""
+        return self._acceleration_values
+
+    @acceleration.setter
+    def acceleration(self, values) -> None:
+        self._acceleration_values[:] = values
+
     # forces
 
     def internal_force(self, displacement: np.ndarray | None = None, method: str = "matrix") -> np.ndarray:
@@ -245,13 +274,13 @@ class Body:
         """Prescribed velocities (n_owned, components) at a time; zero where nothing is prescribed."""
         return self.boundaries.velocity(time)
 
-    def reaction(self, where: str | Callable) -> np.ndarray:
+    def reaction(self, where: str | Callable, mass_damping: float | None = None) -> np.ndarray:
         """Force and moment (f_x, f_y, moment about the origin) that the support `where` exerts on the body (collective).
 
-        From M a + c M v + F_int - F_ext on its prescribed components, with the mass damping c of the last `advance`.
-        A node in two groups counts in both.
+        From M a + c M v + F_int - F_ext on its prescribed components; c is the mass damping (1/s), that of the last
+        `advance` when None. A node in two groups counts in both.
         """
-        return self.boundaries.reaction(where, self.motion.mass_damping)
+        return self.boundaries.reaction(where, self.motion.mass_damping if mass_damping is None else mass_damping)
 
     # motion, limits, look-ups
 

@@ -21,6 +21,16 @@ CELL_TYPES = {"triangle": dmesh.CellType.triangle, "quadrilateral": dmesh.CellTy
 SOIL, REGION = 1, 2  # cell tags of the meshes made here
 LEFT, RIGHT, BOTTOM, TOP, PLATE = 1, 2, 3, 4, 5  # facet tags; PLATE is a part of "top"
 FACET_NAMES = {"left": (LEFT,), "right": (RIGHT,), "bottom": (BOTTOM,), "top": (TOP, PLATE), "plate": (PLATE,)}
+GMSH_OPTIONS = [  # set here
+    "General.Terminal",
+    "Mesh.MeshSizeExtendFromBoundary",
+    "Mesh.MeshSizeFromPoints",
+    "Mesh.MeshSizeFromCurvature",
+    "Mesh.Algorithm",
+    "Mesh.RecombineAll",
+    "Mesh.RecombinationAlgorithm",
+    "Mesh.RandomSeed",
+]
 
 
 @dataclass(frozen=True)
@@ -221,11 +231,15 @@ def _named(mesh, lower, upper, span) -> Domain:
 
 @contextlib.contextmanager
 def _gmsh_session():
-    """gmsh with an empty model of its own; silent, without signal handlers, finalised unless it was already open."""
+    """gmsh with an empty model of its own; silent, without signal handlers.
+
+    Finalised afterwards, unless it was open before: then it is left as it was found.
+    """
     import gmsh
 
     opened = _compat.open_gmsh(gmsh)
     previous = None if opened else gmsh.model.getCurrent()
+    options = {name: gmsh.option.getNumber(name) for name in GMSH_OPTIONS}
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add("grainbridge")
@@ -234,8 +248,11 @@ def _gmsh_session():
         if opened:
             gmsh.finalize()
         else:
+            gmsh.model.mesh.removeSizeCallback()
             gmsh.model.remove()
             gmsh.model.setCurrent(previous)
+            for name, value in options.items():
+                gmsh.option.setNumber(name, value)
 
 
 def _from_gmsh(build, comm):

@@ -94,6 +94,15 @@ def test_internal_forces_of_any_motion_have_no_resultant(distorted):
     assert abs(moment.sum()) < 1e-12 * scale
 
 
+def test_assigned_state_is_the_state(distorted):
+    """Assignment writes through the view that the force is computed from."""
+    trial = np.random.default_rng(3).standard_normal(distorted.displacement.shape)
+    distorted.displacement = trial
+    distorted.displacement *= 2.0
+    expected = distorted.internal_force(2.0 * trial)
+    assert np.array_equal(distorted.internal_force(), expected) and np.abs(expected).max() > 0
+
+
 def test_lumped_mass_is_the_mass(distorted):
     assert distorted.mass[:, 0].sum() == pytest.approx(2042.0 * 3.0, rel=1e-13)
     assert distorted.mass.min() > 0
@@ -102,9 +111,9 @@ def test_lumped_mass_is_the_mass(distorted):
 @pytest.mark.parametrize(
     "choice, radius, inertia", [("scaled", None, 2042 / 12), ("physical", 0.05, 2042 * 0.05**2 / 2), (7.0, None, 7.0)]
 )
-def test_micro_inertia(choice, radius, inertia, make_material):
-    """Theta = rho h^2/12, rho r^2/2 or as given (kg/m), over 6 m2 of squares of side h = 1 m."""
-    body = Body(domains.rectangle((0, 0), (3, 2), (3, 2)), make_material("cosserat"), choice, radius)
+def test_micro_inertia(choice, radius, inertia, cell, make_material):
+    """Theta = rho h^2/12, rho r^2/2 or as given (kg/m), over 6 m2 of squares of side h = 1 m, or of their halves."""
+    body = Body(domains.rectangle((0, 0), (3, 2), (3, 2), cell), make_material("cosserat"), choice, radius)
     assert body.mass[:, 2].sum() == pytest.approx(6 * inertia, rel=1e-13)
 
 
@@ -122,6 +131,19 @@ def test_loads_and_reactions_balance(cell, make_domain, make_material):
     reaction = body.reaction(Box((-1, -1), (3, 3)))
     moment = np.sum(x * load[:, 1] - y * load[:, 0])
     assert reaction == pytest.approx([-3e3 * 2, 2e3 * 2 + weight, -moment], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "side, length, middle",
+    [("left", 1.5, (0, 0.75)), ("right", 1.5, (2, 0.75)), ("bottom", 2.0, (1, 0)), ("top", 2.0, (1, 1.5))],
+)
+def test_traction_on_each_side(side, length, middle, cell, make_domain, make_material):
+    """Resultant t L through the middle of the side, and nothing on nodes elsewhere."""
+    body = Body(make_domain(cell), make_material("cauchy"))
+    body.traction(side, (3e3, -2e3))
+    load = body.external_force()
+    assert load.sum(axis=0) == pytest.approx([3e3 * length, -2e3 * length], rel=1e-12)
+    assert load[:, 0] @ body.coordinates == pytest.approx(np.multiply(3e3 * length, middle), rel=1e-12, abs=1e-9)
 
 
 def test_prescribed_components(make_material):

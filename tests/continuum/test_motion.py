@@ -138,6 +138,17 @@ def test_reactions_carry_the_loads_at_rest(make_domain, make_material):
     assert body.velocity[:, :2].max() < 1e-9
 
 
+def test_damping_of_a_body_carried_along_loads_its_support(make_domain, make_material):
+    """All nodes at 2 m/s: the supports push against c M v, a force through the middle of the mass."""
+    body = Body(make_domain("quadrilateral"), make_material("cosserat"))
+    body.prescribe(EVERYWHERE, "x", 2.0)
+    body.fix(EVERYWHERE, "yr")
+    body.advance(10, 1e-4, mass_damping=30.0)
+    push = 30.0 * 2.0 * 2042.0 * 3.0
+    assert body.reaction(EVERYWHERE)[:2] == pytest.approx([push, 0.0], rel=1e-9, abs=1e-6 * push)
+    assert body.energies()["mass_damping"] == pytest.approx(push * 2.0 * 10e-4, rel=1e-12)
+
+
 def test_prescribed_motion_is_followed(make_domain, make_material):
     """The displacement is the midpoint sum of the velocity: exact for a velocity linear in time."""
     body = Body(make_domain("triangle"), make_material("cauchy"))
@@ -167,6 +178,9 @@ def test_divided_and_restarted_runs_are_the_same_run(damping, make_domain, make_
     for run in (runs[1], runs[3]):
         assert np.array_equal(run.displacement, runs[0].displacement)
         assert np.array_equal(run.velocity, runs[0].velocity)
+    whole, first, second = (runs[i].energies() for i in (0, 2, 3))
+    for name in ("mass_damping", "local_damping", "external_work"):  # the two parts add up, to rounding
+        assert first[name] + second[name] == pytest.approx(whole[name], rel=1e-12)
 
 
 def test_blow_up_is_noticed_and_named():

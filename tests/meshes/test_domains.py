@@ -141,7 +141,9 @@ def test_a_session_of_gmsh_that_is_open_stays_open():
         gmsh.model.add("mine")
         gmsh.model.occ.addPoint(0, 0, 0)
         gmsh.model.occ.synchronize()
-        domains.foundation(size=3.0, size_near=1.0)
+        gmsh.option.setNumber("Mesh.RecombineAll", 0)
+        domains.foundation(size=3.0, size_near=1.0, cell="quadrilateral")
+        assert gmsh.option.getNumber("Mesh.RecombineAll") == 0
         assert gmsh.model.getCurrent() == "mine" and len(gmsh.model.getEntities(0)) == 1
     finally:
         gmsh.finalize()
