@@ -1,0 +1,127 @@
+"""The bridging-scale coupling of a Cosserat body with a nested particle region (Li & Wan 2010), and its variants.
+
+One coarse step takes `substeps` particle steps. The variants (`bridge.variants`) differ in what couples the two:
+
+`paper`       eqs 15-16, 25-34 as published: every node is a coarse unknown, in the covered block the mass is N^T Mp N and the
+              force N^T F(N d + Q q); ghosts follow the mesh with constant acceleration.
+`resync`      as `paper` with F(q); nodes strictly inside the covered block then take the projection of q.
+`respa`       only nodes with continuum mass are coarse unknowns; the continuum kicks them at the coarse times, the ghosts'
+              contact forces move them in every substep (impulse multi-stepping, Tuckerman et al. 1992).
+`multiplier`  only nodes with continuum mass are coarse unknowns; ghosts are particles whose velocities are tied to the mesh by
+              multipliers in every substep (Gravouil & Combescure 2001). No growth; dissipates at the interface for m > 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+
+from bridge.fine import FineScale
+from bridge.interpolation import Interpolation
+from bridge.variants import VARIANTS
+
+
+class BridgingScale:
+    """A body and the particles nested in it, advanced together.
+
+    Particles may live on one rank (the others pass an empty assembly); construction and every method are collective.
+
+    Args:
+        body: Cosserat body whose integrals leave out the covered region (`excluded`).
+        soil: Particles of the region and its ghosts.
+        ghosts: Mask (n,) of the ghosts among the particles, in the particles' order.
+        share: Inside part of each ghost's mass (g,), see `bridge.layout.nested_layout`.
+        step: Coarse time step, s.
+        substeps: Particle steps in a coarse step.
+        variant: One of `VARIANTS`.
+        mass_damping: c_m of both scales, 1/s.
+        gravity: Acceleration of both scales, m/s2.
+
+    Raises:
+        ValueError: for an unknown variant, a body without micro-rotation, or sizes that do not match.
+    """
+
+    def __init__(
+        self,
+        body,
+        soil,
+        ghosts,
+        share=0.0,
+        *,
+        step: float,
+        substeps: int = 1,
+        variant: str = "multiplier",
+        mass_damping: float = 0.0,
+        gravity: tuple[float, float] = (0.0, 0.0),
+    ):
+        if variant not in VARIANTS:
+            raise ValueError(f"variant={variant!r} must be one of {', '.join(VARIANTS)}")
+        if body.components != 3:
+            raise ValueError("the bridging scale needs a Cosserat body: particle rotations follow its micro-rotation")
+        if int(substeps) != substeps or substeps < 1:
+            raise ValueError(f"substeps={substeps} must be a whole number of at least 1")
+        for name, value, least in (("step", step, np.nextafter(0.0, 1.0)), ("mass_damping", mass_damping, 0.0)):
+            if not (np.isfinite(value) and value >= least):
+                raise ValueError(f"{name}={value} must be {'positive' if least else 'zero or positive'} and finite")
+        ghosts = np.asarray(ghosts, dtype=bool)
+        if ghosts.shape != (soil.count,):
+            raise ValueError(f"ghosts has shape {ghosts.shape}, must be ({soil.count},): one entry a particle")
+        self.body, self.soil, self.variant = body, soil, variant
+        self.step, self.substeps, self.mass_damping = float(step), int(substeps), float(mass_damping)
+        self.time, self.coarse_steps = 0.0, 0
+        self.interpolation = Interpolation(body, soil.reference)
+        self.exchange = self.interpolation.exchange
+        share = np.broadcast_to(np.asarray(share, dtype=np.float64), (int(ghosts.sum()),))
+        self.fine = FineScale(
+            soil, ghosts, share, self.interpolation.matrix, self.step / self.substeps, mass_damping, gravity
+        )
+        self.rule = VARIANTS[variant](self)
+        self._initial = self._terms()
+
+    def advance(self, steps: int) -> None:
+        """Take that many coarse steps."""
+        for _ in range(steps):
+            self.rule.advance()
+            self.time += self.step
+            self.coarse_steps += 1
+            self.body.time = self.time
+
+    @property
+    def mass(self):
+        """Coarse lumped mass (owned nodes, 3) of the nodes with continuum mass; zero at covered nodes."""
+        return self.rule.mass
+
+    def project_covered(self) -> None:
+        """Give covered nodes the projection of the particles (for output and for N d + Q q); changes no dynamics."""
+        self.rule.place_covered()
+
+    def mismatch(self) -> float:
+        """Largest distance of a ghost from the motion of the mesh at its place, m (collective)."""
+        gap = self.fine.ghost_shape @ self.exchange.gather(self.body.displacement) - self.fine.ghost_displacement()
+        return float(self.body.comm.allreduce(np.abs(gap[:, :2]).max(initial=0.0), op=MPI.MAX))
+
+    def energies(self) -> dict[str, float]:
+        """Energies of the whole system since the start, J per metre (collective).
+
+        Kinetic and elastic energy of the particles; kinetic and strain energy of the continuum outside them; what friction,
+        dashpots, damping and opened contacts took; `external` work of plates, loads and gravity; `interface`, the energy lost
+        between the two sides at the ghosts. `balance` is what is unaccounted for.
+        """
+        terms = self._terms()
+        result = {name: terms[name] - self._initial[name] for name in terms}
+        stored = result["kinetic"] + result["elastic"] + result["strain"]
+        lost = sum(result[name] for name in ("friction", "viscous", "contact_loss", "mass_damping", "interface"))
+        result["balance"] = stored + lost - result["external"]
+        return result
+
+    def _terms(self) -> dict[str, float]:
+        names = self.fine.ENERGY_NAMES
+        sums = self.body.comm.allreduce(np.concatenate([self.fine.energies(), self.rule.energies()])).tolist()
+        result = dict(zip(names, sums[: len(names)], strict=True))
+        kinetic, strain, damping, external, link = sums[len(names) :]
+        result["kinetic"] += kinetic
+        result["strain"] = strain
+        result["mass_damping"] += damping
+        result["external"] += external
+        result["interface"] = -(result["interface"] + link)
+        return result

@@ -1,0 +1,313 @@
+"""The particle side of a coupling: row-ordered operators, the substeps, energies; on ranks without particles all is empty."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from bridge.projection import Projection, SymmetricSolver
+from bridge.substeps import Ghosts, Linear, Tie, run_prescribed, run_slaved, run_tied
+
+Array = NDArray[np.float64]
+
+RETIE = 0.1  # part of the tied ghosts' drift from the mesh that is taken back each coarse step; 1 makes the scheme grow
+
+
+class FineScale:
+    """Particles of the nested region and the ghosts around them.
+
+    Args:
+        soil: Assembly of particles and ghosts.
+        ghosts: Mask (n,) in the assembly's id order.
+        share: Inside part of each ghost's mass (g,).
+        shape: N (n, needed nodes), id order, sparse.
+        step: Particle time step, s.
+        mass_damping: c_m, 1/s.
+        gravity: m/s2.
+    """
+
+    ENERGY_NAMES = (
+        "kinetic", "elastic", "friction", "viscous", "contact_loss", "mass_damping", "external", "interface",
+    )  # fmt: skip
+
+    def __init__(self, soil, ghosts, share: Array, shape: sparse.csr_matrix, step: float, mass_damping: float, gravity):
+        self.soil, self.share, self.step, self.mass_damping = soil, np.asarray(share), step, mass_damping
+        self._ids, self._shape, self._gravity = np.flatnonzero(ghosts), sparse.csr_matrix(shape), gravity
+        self._weights = np.column_stack([soil.masses, soil.masses, soil.inertias])
+        self.ghost_mass = self._weights[self._ids]
+        self.ghost_shape = self._shape[self._ids]
+        self._work = np.zeros(1)
+        self.linear: Linear | None = None
+        self.kinetic_part = self.share  # of the ghosts' mass that moves with the particles, not with the mesh
+        self._generation = -1
+
+    def set_interface(self, covered) -> None:
+        """Number the nodes that move ghosts and make the kernels' arrays; `covered` nodes (needed nodes,) may not be among them.
+
+        Raises:
+            ValueError: a ghost depends on a node without continuum mass.
+        """
+        self.covered = np.asarray(covered)
+        self.interface = np.unique(self.ghost_shape.indices)
+        if np.any(self.covered[self.interface]):
+            raise ValueError(
+                "a ghost lies in a covered element: leave the same region out of the body as was given to the layout"
+            )
+        count, width = len(self._ids), len(self.interface)
+        self._saved, self._reaction, self._multiplier = np.zeros((count, 8)), np.zeros((count, 3)), np.zeros((count, 3))
+        self._ghost_acceleration, self._shift = np.zeros((count, 3)), np.zeros((count, 3))
+        self.nodal_acceleration = np.zeros((width, 3))  # of interface nodes by the ghosts' reactions
+        if self.soil.count:
+            self.soil.set_ghosts(self._ids)
+            self._prepare(1)
+            self._reaction[:] = self.soil.system.force[self._ghosts.rows] - self._ghosts.load
+
+    def _arrange(self) -> None:
+        """Operators in the present row order."""
+        if self.soil.generation == self._generation:
+            return
+        self._generation = self.soil.generation
+        rows = np.asarray(self.soil.rows)
+        order = np.argsort(rows)
+        free = np.ones(len(rows), dtype=bool)
+        free[rows[self._ids]] = False
+        self._free = np.flatnonzero(free)
+        shape = self._shape[order]
+        self._to_nodes = sparse.csr_matrix(shape.T)
+        self._reference = np.ascontiguousarray(self.soil.reference[order])
+        weights = self._weights[order][self._free]
+        self.projection = Projection(shape[self._free], weights[:, 0], weights[:, 2])
+        load = self.ghost_mass * (1.0 - self.share)[:, None] * np.array([*self._gravity, 0.0])
+        local = sparse.csr_matrix(self.ghost_shape[:, self.interface])
+        self._ghosts = Ghosts(
+            rows[self._ids].astype(np.int64), self.ghost_mass, load,
+            local.indptr.astype(np.int64), local.indices.astype(np.int64), local.data,
+        )  # fmt: skip
+        self._previous = np.zeros((len(rows), 3))
+        self._fitter: SymmetricSolver | None = None
+
+    def linearise(self, stiffness: sparse.spmatrix | None) -> None:
+        """Replace the contact law by -K q (K (3n, 3n) in id order), or bring the law back with None."""
+        if stiffness is None:
+            self.linear = None
+        elif self.soil.count:
+            order = np.argsort(self.soil.rows)
+            places = (3 * order[:, None] + np.arange(3)).ravel()
+            matrix = sparse.csr_matrix(stiffness)[places][:, places].tocsr()
+            self.linear = Linear(
+                matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64), matrix.data, self._reference
+            )
+
+    # ------------------------------------------------------------------------------------------------ motion (free, 3)
+
+    def displacement(self) -> Array:
+        """Displacements q of the free particles, row order (free, 3); with no particles (0, 3)."""
+        if not self.soil.count:
+            return np.zeros((0, 3))
+        state = self.soil.system.state
+        return np.column_stack([state[:, :2] - self._reference, state[:, 7]])[self._free]
+
+    def velocity(self) -> Array:
+        """Velocities of the free particles, row order (free, 3)."""
+        return self.soil.system.state[self._free, 2:5] if self.soil.count else np.zeros((0, 3))
+
+    def ghost_displacement(self) -> Array:
+        """Displacements of the ghosts (g, 3)."""
+        if not self.soil.count:
+            return np.zeros((0, 3))
+        rows = self._ghosts.rows
+        state = self.soil.system.state[rows]
+        return np.column_stack([state[:, :2] - self._reference[rows], state[:, 7]])
+
+    def force(self) -> Array:
+        """Forces on particles and, as reactions, on ghosts (n, 3), row order, N and N m."""
+        return self.soil.system.force if self.soil.count else np.zeros((0, 3))
+
+    def to_nodes(self, values: Array) -> Array:
+        """N^T values: (n, 3) in row order to (needed nodes, 3)."""
+        return self._to_nodes @ values if self.soil.count else np.zeros((self._shape.shape[1], 3))
+
+    def force_of_total_motion(self, nodal: Array, nodal_velocity: Array) -> Array:
+        """Forces (n, 3) at u = N d + Q q and its velocity, on a copy of the histories (Li & Wan 2010, eq 33).
+
+        The predictor of the last substep stands for the particles' velocities, so that full coverage is exact with dashpots.
+        """
+        if not self.soil.count:
+            return np.zeros((0, 3))
+        system, free, projection = self.soil.system, self._free, self.projection
+        predictor = system.state[:, 2:5] + 0.5 * self.step * (self._previous - system.acceleration)
+        increment = np.zeros_like(predictor)
+        increment[free] = projection.extend(nodal - projection.coarse(self.displacement()))
+        predictor[free] += projection.extend(nodal_velocity - projection.coarse(predictor[free]))
+        if self.linear is None:
+            force = np.array(self.soil.trial_forces(increment, predictor))
+        else:
+            linear = self.linear
+            moved = np.column_stack([system.state[:, :2] - self._reference, system.state[:, 7]]) + increment
+            shape = (3 * len(moved), 3 * len(moved))
+            stiffness = sparse.csr_matrix((linear.value, linear.column, linear.start), shape=shape)
+            force = -(stiffness @ moved.ravel()).reshape(-1, 3)
+        force[self._ghosts.rows] -= self._ghosts.load
+        return force
+
+    def fit_covered(self, values: Array, nodal: Array) -> Array:
+        """Nodal values (needed nodes, 3) with those of covered nodes fitted to the free particles' (free, 3), others held."""
+        nodal = np.array(nodal)
+        if not self.soil.count or not self.covered.any():
+            return nodal
+        projection = self.projection
+        fitted = np.flatnonzero(self.covered & projection.supported)
+        if self._fitter is None:
+            self._fitter = [SymmetricSolver(self._gram(k)[fitted][:, fitted]) for k in (0, 2)]
+        nodal[self.covered] = 0.0
+        right = projection.restrict(projection.weights * (values - projection.extend(nodal)))[fitted]
+        nodal[fitted, :2] = self._fitter[0].solve(right[:, :2])
+        nodal[fitted, 2:] = self._fitter[1].solve(right[:, 2:])
+        return nodal
+
+    # ---------------------------------------------------------------------------------------------------------- masses
+
+    def _gram(self, component: int) -> sparse.csr_matrix:
+        shape, weights = self.projection.matrix, self.projection.weights[:, component]
+        return sparse.csr_matrix(shape.T @ sparse.diags(weights) @ shape)
+
+    def consistent_mass(self) -> list[sparse.csr_matrix]:
+        """N^T Mp N with the ghosts' inside shares, for translations and for the rotation (needed nodes squared)."""
+        if not self.soil.count:
+            return [sparse.csr_matrix((self._shape.shape[1],) * 2)] * 2
+        ghosts = self.ghost_shape
+        return [
+            sparse.csr_matrix(self._gram(k) + ghosts.T @ sparse.diags(self.share * self.ghost_mass[:, k]) @ ghosts)
+            for k in (0, 2)
+        ]
+
+    def ghost_mass_at_nodes(self, part: Array) -> Array:
+        """N_g^T of a part (g,) of the ghosts' masses: (needed nodes, 3)."""
+        return self.ghost_shape.T @ (self.ghost_mass * part[:, None])
+
+    def set_tie(self, mobility: Array) -> None:
+        """Factor the interface problem; `mobility` (needed nodes, 3) turns a link force into a coarse velocity, s/kg."""
+        self.kinetic_part = np.ones_like(self.share)
+        damper = 1.0 + 0.5 * self.mass_damping * self.step
+        stiffness = 2.0 * damper / self.step * self.ghost_mass
+        local = self.ghost_shape[:, self.interface]
+        inverse = np.zeros((3, len(self.interface), len(self.interface)))
+        for component in range(3):
+            part = mobility[self.interface, component]
+            loose = np.flatnonzero(part > 0.0)  # prescribed nodes do not give way
+            if len(loose):
+                columns = local[:, loose]
+                gram = (columns.T @ sparse.diags(stiffness[:, component]) @ columns).toarray()
+                inverse[component][np.ix_(loose, loose)] = np.linalg.inv(gram + np.diag(1.0 / part[loose]))
+        self._tie = Tie(stiffness, inverse, self.mass_damping, damper)
+
+    # ---------------------------------------------------------------------------------------------------------- substeps
+
+    def _prepare(self, steps: int) -> None:
+        if self.linear is None:
+            self._terms = self.soil.prepare(self.step, steps, mass_damping=self.mass_damping, gravity=self._gravity)[1]
+            self._arrange()
+
+    def _run(self, kernel, steps: int, before: tuple, after: tuple) -> None:
+        first = 0
+        while True:
+            system = self.soil.system
+            first = kernel(system, self._terms, self.linear, self._ghosts, *before, self.step, steps, first, *after)
+            if first == steps:
+                return
+            self.soil.refresh()
+            self._arrange()
+
+    def run_prescribed(self, velocity: Array, acceleration: Array, steps: int) -> None:
+        """Fine steps with ghosts of constant acceleration; nodal velocity and acceleration (needed nodes, 3) at their start."""
+        if not self.soil.count:
+            return
+        self._prepare(steps)
+        self._set_ghost_velocity(velocity)
+        self._ghost_acceleration[:] = self.ghost_shape @ acceleration
+        after = (self._saved, self._reaction, self._previous, self._work)
+        self._run(run_prescribed, steps, (self._ghost_acceleration,), after)
+
+    def run_slaved(self, velocity: Array, inverse_mass: Array, steps: int) -> tuple[Array, Array]:
+        """Fine steps with interface nodes moved by the ghosts' reactions.
+
+        Returns:
+            Displacement over the steps and final velocity (needed nodes, 3); nodes off the interface drift.
+        """
+        moved, reached = steps * self.step * velocity, velocity.copy()
+        if not self.soil.count:
+            return moved, reached
+        self._prepare(steps)
+        self._set_ghost_velocity(velocity)
+        own, inverse_mass = self.interface, inverse_mass[self.interface]
+        nodal = np.stack([np.zeros((len(own), 3)), velocity[own], self.nodal_acceleration])
+        self._ghost_acceleration[:] = self.ghost_shape[:, own] @ self.nodal_acceleration
+        after = (self._saved, self._reaction, self._ghost_acceleration, self._previous, self._work)
+        self._run(run_slaved, steps, (nodal, inverse_mass), after)
+        self.nodal_acceleration[:] = nodal[2]
+        moved[own], reached[own] = nodal[0], nodal[1]
+        return moved, reached
+
+    def run_tied(self, start: Array, end: Array, nodal: Array, steps: int) -> Array:
+        """Fine steps with ghosts tied to the free coarse velocities (needed nodes, 3) and, at their start, to the mesh `nodal`.
+
+        Returns:
+            N_g^T lambda (needed nodes, 3): the force of the tie on the nodes at the end, N.
+        """
+        force = np.zeros_like(start)
+        if not self.soil.count:
+            return force
+        self._prepare(steps)
+        own = self.interface
+        self._shift[:] = RETIE * (self.ghost_shape @ nodal - self.ghost_displacement())
+        sums = np.empty((len(own), 3))
+        before = (self._tie, np.ascontiguousarray(start[own]), np.ascontiguousarray(end[own]), self._shift)
+        self._run(run_tied, steps, before, (self._multiplier, sums, self._work))
+        force[own] = sums
+        return force
+
+    def follow_mesh(self, displacement: Array, velocity: Array, acceleration: Array) -> None:
+        """Put massless ghosts where the nodal motion (needed nodes, 3) says."""
+        if not self.soil.count:
+            return
+        system, rows, shape = self.soil.system, self._ghosts.rows, self.ghost_shape
+        moved = shape @ displacement
+        system.state[rows, :2] = self._reference[rows] + moved[:, :2]
+        system.state[rows, 7] = moved[:, 2]
+        system.state[rows, 2:5] = shape @ velocity
+        system.acceleration[rows] = shape @ acceleration
+
+    def reference(self) -> Array:
+        """Reference positions (n, 2), row order."""
+        return self._reference
+
+    def own_arrays(self) -> list[Array]:
+        """Arrays of this class that the substeps write (kept and restored around a linear analysis)."""
+        return [self._reaction, self._multiplier, self._work, self._previous] if self.soil.count else []
+
+    def _set_ghost_velocity(self, velocity: Array) -> None:
+        self.soil.system.state[self._ghosts.rows, 2:5] = self.ghost_shape @ velocity
+
+    # ---------------------------------------------------------------------------------------------------------- energies
+
+    @property
+    def interface_work(self) -> float:
+        """Work of the mesh on the particles through the ghosts, J."""
+        return float(self._work[0])
+
+    def energies(self) -> list[float]:
+        """Energies (J) in the order of `ENERGY_NAMES`; `external` is the work of plates, gravity and held particles."""
+        if not self.soil.count:
+            return [0.0] * len(self.ENERGY_NAMES)
+        sums = self.soil.energies()
+        spared = self.ghost_mass * (1.0 - self.kinetic_part)[:, None]
+        velocity = self.soil.system.state[self._ghosts.rows, 2:5]
+        return [
+            sums["kinetic"] - 0.5 * float(np.vdot(spared * velocity, velocity)),
+            sum(value for name, value in sums.items() if name.startswith("elastic")),
+            sum(value for name, value in sums.items() if name.startswith("friction")),
+            sums["viscous"], sums["contact_loss"], sums["mass_damping"],
+            sum(sums[name] for name in ("gravity_work", "external_work", "wall_work", "held_work")),
+            self.interface_work,
+        ]  # fmt: skip

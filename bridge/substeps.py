@@ -1,0 +1,293 @@
+"""The fine steps inside one coarse step, with the ghosts moved by the mesh: jitted loops over the particle kernels.
+
+Each loop starts and ends with velocities at full steps (`particles.motion`). A loop that finds the neighbour list used up
+returns the number of substeps done; the caller renews the list and calls again with that number as `first`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from particles.motion import drift, evaluate, kick, kick_drift, moved, stale
+
+
+class Ghosts(NamedTuple):
+    """Ghost particles and their shape functions at the interface nodes (CSR), all in the order of `rows`."""
+
+    rows: np.ndarray  # (g,) rows of the ghosts in the particle arrays
+    mass: np.ndarray  # (g, 3): m, m, J, kg and kg m2 per metre
+    load: np.ndarray  # (g, 3): the part of gravity on a ghost that the continuum carries already, N
+    start: np.ndarray  # (g + 1,)
+    node: np.ndarray  # interface node of each weight
+    weight: np.ndarray
+
+
+class Tie(NamedTuple):
+    """The interface problem of the multipliers, H = N_g W N_g^T + E with E diagonal, as its inverse by Woodbury."""
+
+    stiffness: np.ndarray  # (g, 3) E^-1
+    inverse: np.ndarray  # (3, interface nodes, interface nodes): (W^-1 + N_g^T E^-1 N_g)^-1
+    damping: float  # c_m, 1/s
+    damper: float  # 1 + c_m h / 2
+
+
+class Linear(NamedTuple):
+    """Contact forces -K (q - q0) in place of the contact law: CSR of K in row order, and the reference positions."""
+
+    start: np.ndarray  # (3 n + 1,)
+    column: np.ndarray
+    value: np.ndarray
+    reference: np.ndarray  # (n, 2)
+
+
+@njit(cache=True)
+def _linear_forces(state, force, linear):
+    for row in range(state.shape[0]):
+        for component in range(3):
+            total = 0.0
+            line = 3 * row + component
+            for k in range(linear.start[line], linear.start[line + 1]):
+                other = linear.column[k] // 3
+                which = linear.column[k] - 3 * other
+                if which < 2:
+                    moved = state[other, which] - linear.reference[other, which]
+                else:
+                    moved = state[other, 7]
+                total -= linear.value[k] * moved
+            force[row, component] = total
+
+
+@njit(cache=True)
+def _forces(system, terms, linear, h):
+    if linear is None:
+        evaluate(system, terms, h)
+    else:
+        _linear_forces(system.state, system.force, linear)
+
+
+@njit(cache=True)
+def _list_used_up(system, linear):
+    if linear is None:
+        return stale(system)
+    return False
+
+
+@njit(cache=True)
+def _save(system, ghosts, saved):
+    for k in range(ghosts.rows.size):
+        for column in range(8):
+            saved[k, column] = system.state[ghosts.rows[k], column]
+
+
+@njit(cache=True)
+def _still_ghosts(system, ghosts):
+    """Take the ghosts' velocities and forces out of a loop over all rows (they were saved)."""
+    for k in range(ghosts.rows.size):
+        row = ghosts.rows[k]
+        for component in range(3):
+            system.state[row, 2 + component] = 0.0
+            system.acceleration[row, component] = 0.0
+            system.force[row, component] = 0.0
+
+
+@njit(cache=True)
+def _drift_massless(system, terms, ghosts, saved, acceleration, h):
+    """`drift` of all rows; the ghosts move by their own velocity and `acceleration` and book no energy."""
+    _save(system, ghosts, saved)
+    _still_ghosts(system, ghosts)
+    drift(system, terms, h)
+    fastest = 0.0
+    for k in range(ghosts.rows.size):
+        row = ghosts.rows[k]
+        for component in range(3):
+            velocity = saved[k, 2 + component] + 0.5 * h * acceleration[k, component]
+            system.state[row, 2 + component] = velocity
+            system.state[row, component if component < 2 else 7] += h * velocity
+            system.acceleration[row, component] = acceleration[k, component]
+        fastest = max(fastest, system.state[row, 2] ** 2 + system.state[row, 3] ** 2)
+    moved(system, h * np.sqrt(fastest))
+
+
+@njit(cache=True)
+def _advance_others(system, terms, ghosts, h, last, previous):
+    """Kick (and drift) all rows but the ghosts, which stand still and feel nothing meanwhile."""
+    _still_ghosts(system, ghosts)
+    if last:
+        previous[:] = system.acceleration
+        kick(system, terms, h)
+    else:
+        kick_drift(system, terms, h)
+
+
+@njit(cache=True)
+def _place_ghosts(system, ghosts, saved, reaction, acceleration, h, last):
+    """Advance the ghost rows from their saved half-step state with the given accelerations (g, 3); restore their forces."""
+    state = system.state
+    fastest = 0.0
+    for k in range(ghosts.rows.size):
+        row = ghosts.rows[k]
+        for component in range(3):
+            a = acceleration[k, component]
+            place = component if component < 2 else 7
+            system.acceleration[row, component] = a
+            system.force[row, component] = reaction[k, component]
+            velocity = saved[k, 2 + component] + (0.5 * h * a if last else h * a)
+            state[row, 2 + component] = velocity
+            state[row, place] = saved[k, place] if last else saved[k, place] + h * velocity
+        fastest = max(fastest, state[row, 2] ** 2 + state[row, 3] ** 2)
+    if not last:
+        moved(system, h * np.sqrt(fastest))
+
+
+@njit(cache=True)
+def _react(system, ghosts, saved, reaction, h, work):
+    """Reactions on massless ghosts; the work of what drives them is booked over the step just moved (trapezoidal)."""
+    for k in range(ghosts.rows.size):
+        row = ghosts.rows[k]
+        for component in range(3):
+            new = system.force[row, component] - ghosts.load[k, component]
+            work[0] -= 0.5 * (reaction[k, component] + new) * h * saved[k, 2 + component]
+            reaction[k, component] = new
+
+
+@njit(cache=True)
+def _nodal_sum(ghosts, values, nodal):
+    """nodal = N_g^T values."""
+    nodal[:] = 0.0
+    for k in range(ghosts.rows.size):
+        for s in range(ghosts.start[k], ghosts.start[k + 1]):
+            for component in range(3):
+                nodal[ghosts.node[s], component] += ghosts.weight[s] * values[k, component]
+
+
+@njit(cache=True)
+def _at_ghosts(ghosts, nodal, values):
+    """values = N_g nodal."""
+    for k in range(ghosts.rows.size):
+        for component in range(3):
+            total = 0.0
+            for s in range(ghosts.start[k], ghosts.start[k + 1]):
+                total += ghosts.weight[s] * nodal[ghosts.node[s], component]
+            values[k, component] = total
+
+
+@njit(cache=True)
+def run_prescribed(system, terms, linear, ghosts, acceleration, h, steps, first, saved, reaction, previous, work):
+    """Ghosts move with constant acceleration (Li & Wan 2010, eqs 25-26); `acceleration` is (g, 3).
+
+    `reaction` (g, 3) are the forces on the ghosts, N and N m; `previous` receives the accelerations before the last step.
+    """
+    if first == 0:
+        _drift_massless(system, terms, ghosts, saved, acceleration, h)
+    for j in range(first, steps):
+        if _list_used_up(system, linear):
+            return j
+        _forces(system, terms, linear, h)
+        _save(system, ghosts, saved)
+        _react(system, ghosts, saved, reaction, h, work)
+        last = j == steps - 1
+        _advance_others(system, terms, ghosts, h, last, previous)
+        _place_ghosts(system, ghosts, saved, reaction, acceleration, h, last)
+    return steps
+
+
+@njit(cache=True)
+def run_slaved(
+    system, terms, linear, ghosts, nodal, inverse_mass, h, steps, first, saved, reaction, acceleration, previous, work
+):
+    """Ghosts follow the interface nodes, which the ghosts' reactions move in every substep.
+
+    `nodal` (3, interface nodes, 3): displacement since the coarse time, velocity, acceleration; `inverse_mass` of the nodes.
+    """
+    sums = np.empty_like(nodal[0])
+    if first == 0:
+        _drift_massless(system, terms, ghosts, saved, acceleration, h)
+        for i in range(nodal.shape[1]):
+            for component in range(3):
+                nodal[1, i, component] += 0.5 * h * nodal[2, i, component]
+                nodal[0, i, component] += h * nodal[1, i, component]
+    for j in range(first, steps):
+        if _list_used_up(system, linear):
+            return j
+        _forces(system, terms, linear, h)
+        _save(system, ghosts, saved)
+        _react(system, ghosts, saved, reaction, h, work)
+        _nodal_sum(ghosts, reaction, sums)
+        last = j == steps - 1
+        for i in range(nodal.shape[1]):
+            for component in range(3):
+                a = sums[i, component] * inverse_mass[i, component]
+                nodal[2, i, component] = a
+                nodal[1, i, component] += 0.5 * h * a if last else h * a
+                if not last:
+                    nodal[0, i, component] += h * nodal[1, i, component]
+        _at_ghosts(ghosts, nodal[2], acceleration)
+        _advance_others(system, terms, ghosts, h, last, previous)
+        _place_ghosts(system, ghosts, saved, reaction, acceleration, h, last)
+    return steps
+
+
+@njit(cache=True)
+def run_tied(system, terms, linear, ghosts, tie, start, end, shift, h, steps, first, multiplier, nodal, work):
+    """Ghosts are particles; multipliers tie their velocities to N_g times the velocity that goes from `start` to `end`.
+
+    `start`, `end` (interface nodes, 3) are the free coarse velocities at both ends of the coarse step. `shift` (g, 3) is
+    added to the ghosts' displacement in the first substep. `multiplier` (g, 3) holds the tie forces, N and N m, taken off
+    the ghosts; `nodal` leaves as N_g^T multiplier.
+    """
+    state, force = system.state, system.force
+    residual = np.empty_like(multiplier)
+    right = np.empty_like(nodal)
+    if first == 0:
+        drift(system, terms, h)
+        _shift_ghosts(system, ghosts, shift, h)
+    for j in range(first, steps):
+        if _list_used_up(system, linear):
+            return j
+        _forces(system, terms, linear, h)
+        part = (j + 1.0) / steps
+        nodal[:] = (1.0 - part) * start + part * end
+        _at_ghosts(ghosts, nodal, residual)
+        for k in range(ghosts.rows.size):
+            row = ghosts.rows[k]
+            for component in range(3):
+                work[0] -= 0.5 * multiplier[k, component] * h * state[row, 2 + component]
+                half = state[row, 2 + component] - (shift[k, component] / h if j == 0 else 0.0)
+                pull = force[row, component] / ghosts.mass[k, component] - tie.damping * half
+                free = half + 0.5 * h * pull / tie.damper
+                residual[k, component] = (free - residual[k, component]) * tie.stiffness[k, component]
+        _nodal_sum(ghosts, residual, right)
+        for component in range(3):
+            nodal[:, component] = tie.inverse[component] @ np.ascontiguousarray(right[:, component])
+        _at_ghosts(ghosts, nodal, multiplier)
+        for k in range(ghosts.rows.size):
+            row = ghosts.rows[k]
+            for component in range(3):
+                tied = residual[k, component] - tie.stiffness[k, component] * multiplier[k, component]
+                multiplier[k, component] = tied
+                work[0] -= 0.5 * tied * h * state[row, 2 + component]
+                force[row, component] -= tied
+                if j == 0:
+                    state[row, 2 + component] -= shift[k, component] / h
+        if j == steps - 1:
+            kick(system, terms, h)
+        else:
+            kick_drift(system, terms, h)
+    _nodal_sum(ghosts, multiplier, nodal)
+    return steps
+
+
+@njit(cache=True)
+def _shift_ghosts(system, ghosts, shift, h):
+    """Displace the ghosts by `shift` (g, 3) within the step that they have just drifted."""
+    largest = 0.0
+    for k in range(ghosts.rows.size):
+        row = ghosts.rows[k]
+        for component in range(3):
+            system.state[row, component if component < 2 else 7] += shift[k, component]
+            system.state[row, 2 + component] += shift[k, component] / h
+        largest = max(largest, abs(shift[k, 0]) + abs(shift[k, 1]))
+    moved(system, largest)
