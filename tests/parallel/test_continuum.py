@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from continuum import Body, Cosserat, Unstable
+from continuum import Body, Cosserat, Unstable, cells
 from meshes import Box, domains
 
 WORLD, ALONE = MPI.COMM_WORLD, MPI.COMM_SELF
@@ -144,3 +144,49 @@ def test_errors_reach_every_rank(tmp_path):
     body.displacement[:, 0] = np.sin(9.0 * body.coordinates[:, 0])
     with pytest.raises(Unstable, match="became unstable"):
         body.advance(200, 3 * body.critical_step())
+
+
+TWO_SQUARES = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+3
+1 7 "footing"
+2 1 "clay"
+2 2 "sand"
+$EndPhysicalNames
+$Nodes
+6
+1 0 0 0
+2 1 0 0
+3 2 0 0
+4 0 1 0
+5 1 1 0
+6 2 1 0
+$EndNodes
+$Elements
+5
+1 1 2 7 1 4 5
+2 2 2 1 1 1 2 5
+3 2 2 1 1 1 5 4
+4 2 2 2 2 2 3 6
+5 2 2 2 2 2 6 5
+$EndElements
+"""
+
+
+def test_own_mesh_is_the_same_on_all_ranks(tmp_path):
+    path = WORLD.bcast(tmp_path / "own.msh")
+    if WORLD.rank == 0:
+        path.write_text(TWO_SQUARES)
+    domain = domains.read(path, WORLD)
+    body = Body(domain, MATERIAL)
+    assert WORLD.allreduce(body.mass.sum(axis=0))[0] == pytest.approx(2 * 2042.0, rel=1e-12)
+    for name, expected in (("clay", 1.0), ("sand", 1.0), ("soil", 2.0)):
+        owned = domain.cells(name)[domain.cells(name) < len(body.cell_corners)]
+        assert WORLD.allreduce(cells.areas(body.cell_corners[owned]).sum()) == pytest.approx(expected, rel=1e-12)
+    assert sorted(domain.facet_names) == ["bottom", "footing", "left", "right"]  # the top is named in part by the file
+    for name, length in (("footing", 1.0), ("bottom", 2.0), ("left", 1.0)):
+        before = body.external_force().copy()
+        body.traction(name, (0.0, -1.0))
+        assert WORLD.allreduce((body.external_force() - before).sum(axis=0))[1] == pytest.approx(-length, rel=1e-12)
