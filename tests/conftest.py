@@ -6,6 +6,8 @@ Tests are imported from the repository's root, so a helper is `from tests.partic
 import faulthandler
 import os
 import sys
+import tempfile
+from pathlib import Path
 
 import matplotlib
 import pytest
@@ -27,6 +29,10 @@ if RANKS > 1:
         config.stash[STDERR] = os.dup(2)
         if MPI.COMM_WORLD.rank > 0:
             sys.stdout = open(os.devnull, "w")
+        # Temporary folders of its own: ranks that clear old ones together get in each other's way.
+        folder = Path(tempfile.gettempdir()) / f"pytest-{os.getuid()}-rank-{MPI.COMM_WORLD.rank}"
+        folder.mkdir(exist_ok=True)
+        os.environ["PYTEST_DEBUG_TEMPROOT"] = str(folder)
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_protocol(item: pytest.Item):
