@@ -1,0 +1,1 @@
+"""Driver scripts, one file a study, and the command line."""

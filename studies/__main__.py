@@ -1,0 +1,69 @@
+"""The command line: `python -m studies` lists the studies, `python -m studies STUDY --help` explains one."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+STUDIES = {
+    "foundation": ("studies.foundation_command", "foundation under a strip plate: particles, continuum and both"),
+    "accuracy": ("studies.accuracy", "speed against error of a study over a list of settings"),
+}
+USAGE_ERROR = 2
+
+
+class _Studies(click.Group):
+    """Commands that are imported when they are called: a list or a help text needs no dolfinx."""
+
+    def list_commands(self, context: click.Context) -> list[str]:
+        return list(STUDIES)
+
+    def get_command(self, context: click.Context, name: str) -> click.Command | None:
+        return importlib.import_module(STUDIES[name][0]).command if name in STUDIES else None
+
+    def resolve_command(self, context: click.Context, arguments: list[str]):
+        if arguments[0] not in STUDIES:
+            raise click.UsageError(f"study '{arguments[0]}' is unknown; known are {', '.join(STUDIES)}")
+        return super().resolve_command(context, arguments)
+
+    def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Studies"):
+            formatter.write_dl([(name, text) for name, (_, text) in STUDIES.items()])
+
+
+@click.group(cls=_Studies, invoke_without_command=True, help="Coupled discrete and continuum mechanics: the studies.")
+@click.pass_context
+def commands(context: click.Context) -> None:
+    if context.invoked_subcommand is None:
+        for name, (_, text) in STUDIES.items():
+            click.echo(f"{name:12s} {text}")
+        click.echo("\npython -m studies STUDY --help explains one.")
+
+
+def main() -> None:
+    """Run the command line: one sentence and exit status 2 for bad input, 3 for a run that became unstable."""
+    try:
+        status = commands.main(prog_name="python -m studies", standalone_mode=False)
+    except click.ClickException as error:
+        status = _refuse(error.format_message())
+    except ValueError as error:
+        status = _refuse(str(error))
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("Interrupted.", err=True)
+        status = 130
+    sys.exit(status or 0)
+
+
+def _refuse(sentence: str) -> int:
+    """Print the sentence on one line, once however many ranks there are."""
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.rank == 0:
+        click.echo("Error: " + " ".join(sentence.split()), err=True)
+    return USAGE_ERROR
+
+
+if __name__ == "__main__":
+    main()

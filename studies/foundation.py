@@ -1,0 +1,265 @@
+"""Foundation under a rigid strip plate, by particles, by a continuum, and by both (Li & Wan 2010, section 3).
+
+A body of soil 18 m wide and 9 m deep; its bottom is fixed, its sides are held laterally and against rotation. A rigid
+plate 2 m wide is pressed into the middle of the surface at 1 m/s, to 60 mm. There is no gravity. SI units, per metre of
+thickness, tension positive. Assemblies of discs: A and B, square lattices turned by 45 degrees (radius 0.05 and 0.03 m);
+C, random and dense (radii 0.02 to 0.05 m).
+
+    dem         particles everywhere
+    fem         a linear Cosserat continuum everywhere
+    bridging    particles in a region under the plate, the continuum elsewhere, tied by the bridging-scale method
+
+About 5 s (bridging, A) on one core: python -m studies foundation --help
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from studies.options import NOT_NEGATIVE, POSITIVE, SHARE, check, parameter, size_in_metres
+
+TITLE = "Foundation under a rigid strip plate: particles, continuum and both (Li & Wan 2010)"
+METHODS, VARIANTS = ("dem", "bridging", "fem"), ("paper", "resync", "respa", "multiplier")
+WIDTH, DEPTH = 18.0, 9.0  # m, the soil; its surface is y = DEPTH
+LATTICE_RADII = {"A": 0.05, "B": 0.03}  # m
+RANDOM_RADII, POROSITY = (0.02, 0.05), 0.16  # of assembly C; m, -
+PAPER_STATES = (0.015, 0.038, 0.060)  # m, plate displacements of figures 8 and 9
+TOUCH = 1.0 + 1e-9  # radii of lattice discs, so that "just touching" does not hang on rounding
+AVERAGING = 2.5  # stresses are averages over circles of this many largest radii (Rojek & Onate 2007)
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Parameters of the study, SI units; what is not given by the paper says so."""
+
+    method: str = parameter("bridging", "What computes the soil.", choices=METHODS)
+    assembly: str = parameter("A", "Discs: A and B lattices, C random.", choices=("A", "B", "C"))
+    radius: float | None = parameter(
+        None, "Radius of the discs of a lattice, instead of the assembly's.", "m", POSITIVE,
+        shown="A 0.05 m, B 0.03 m, C 0.02 to 0.05 m",
+    )  # fmt: skip
+    seed: int = parameter(1, "Seed of the random packing C.", "", NOT_NEGATIVE)
+    region: str = parameter("6x3", "Width x depth of the particles' region under the plate.", "m x m")
+    mesh: str = parameter("structured", "Mesh of the continuum: structured, graded (gmsh), or a .msh file of 18 m x 9 m.")
+    element_size: float = parameter(1.0, "Size of the elements (graded: far from the plate).", "m", POSITIVE)
+    moduli: str = parameter(
+        "packing", "Elastic moduli of the continuum: of the packing's contacts, or as printed in the paper.",
+        choices=("packing", "paper"),
+    )  # fmt: skip
+    variant: str = parameter("multiplier", "Form of the bridging-scale method.", choices=VARIANTS)
+    speed: float = parameter(1.0, "Downward speed of the plate.", "m/s", POSITIVE)
+    displacement: float = parameter(0.06, "Displacement of the plate at the end.", "m", POSITIVE)
+    plate_width: float = parameter(2.0, "Width of the plate.", "m", POSITIVE)
+    plate_position: float = parameter(9.0, "Middle of the plate, from the left side of the soil.", "m")
+    damping: float = parameter(
+        175.0, "Mass damping c_m of discs and continuum (not in the paper; 175 is 0.05 sqrt(k_N/m) of assembly A).",
+        "1/s", NOT_NEGATIVE,
+    )  # fmt: skip
+    step: float | None = parameter(
+        None, "Time step of the particles.", "s", POSITIVE, shown="step-ratio of the critical step"
+    )
+    step_ratio: float = parameter(0.5, "Default step as a share of the critical step (a rigorous bound).", "-", SHARE)
+    substeps: int | None = parameter(
+        None, "Particle steps in a step of the continuum.", "-", POSITIVE,
+        shown="as many as half the continuum's critical step holds",
+    )  # fmt: skip
+    density: float = parameter(2600.0, "Density of the discs.", "kg/m3", POSITIVE)
+    normal_stiffness: float = parameter(2.5e8, "Normal stiffness k_N of a contact.", "N/m", POSITIVE)
+    sliding_stiffness: float = parameter(5.0e7, "Sliding stiffness k_s.", "N/m", NOT_NEGATIVE)
+    rolling_stiffness: float = parameter(1.0e6, "Stiffness k_r of the rolling force.", "N/m", NOT_NEGATIVE)
+    moment_stiffness: float = parameter(7.0e2, "Stiffness k_w of the rolling moment.", "N m/rad", NOT_NEGATIVE)
+    sliding_friction: float = parameter(0.5, "Friction coefficient of sliding.", "-", NOT_NEGATIVE)
+    rolling_friction: float = parameter(0.05, "Friction coefficient of the rolling force.", "-", NOT_NEGATIVE)
+    moment_friction: float = parameter(0.5e-3, "Friction coefficient of the rolling moment.", "m", NOT_NEGATIVE)
+
+    def __post_init__(self) -> None:
+        check(self)
+        width, depth = size_in_metres("region", self.region)
+        half = 0.5 * self.plate_width
+        if not (half <= self.plate_position <= WIDTH - half):  # NaN ends here too
+            raise ValueError(
+                f"plate_position={self.plate_position} puts the plate of {self.plate_width:g} m outside the soil; it must "
+                f"lie between {half:g} and {WIDTH - half:g} m"
+            )
+        if self.radius is not None:
+            if self.assembly == "C":
+                raise ValueError(f"radius={self.radius} is for lattices; assembly C has radii of 0.02 to 0.05 m")
+            if self.radius > 0.5:
+                raise ValueError(f"radius={self.radius} must be at most 0.5 m, a quarter of the default plate's width")
+        if self.method != "bridging":
+            return
+        left = self.plate_position - 0.5 * width
+        if not (0.0 < left and left + width < WIDTH and depth < DEPTH):
+            raise ValueError(
+                f"region={self.region} at the plate must lie inside the mesh of {WIDTH:g} m x {DEPTH:g} m, with elements "
+                "around it"
+            )
+        if not (left <= self.plate_position - half and self.plate_position + half <= left + width):
+            raise ValueError(f"region={self.region} must be at least as wide as the plate of {self.plate_width:g} m")
+
+    @property
+    def lattice_radius(self) -> float | None:
+        """Radius of the discs of a lattice, None for assembly C."""
+        return LATTICE_RADII.get(self.assembly) if self.radius is None else self.radius
+
+    @property
+    def duration(self) -> float:
+        """Seconds until the plate has its displacement."""
+        return self.displacement / self.speed
+
+    @property
+    def is_papers_scene(self) -> bool:
+        """Whether the paper's numbers may stand beside the results: assembly A, loaded as in the paper."""
+        same = ("assembly", "speed", "displacement", "plate_width", "plate_position", "density", "normal_stiffness",
+                "sliding_stiffness", "rolling_stiffness", "moment_stiffness", "sliding_friction", "rolling_friction",
+                "moment_friction")  # fmt: skip
+        return self.radius in (None, 0.05) and all(getattr(self, name) == getattr(Parameters, name) for name in same)
+
+
+# The scene -------------------------------------------------------------------------------------------------------------
+
+
+def soil_region() -> Any:
+    """The soil."""
+    from meshes import Box
+
+    return Box((0.0, 0.0), (WIDTH, DEPTH))
+
+
+def particle_region(p: Parameters) -> Any:
+    """The particles' region at the plate; it reaches above the surface, so that the surface is no interface."""
+    from meshes import Box
+
+    width, depth = size_in_metres("region", p.region)
+    left = p.plate_position - 0.5 * width
+    return Box((left, DEPTH - depth), (left + width, DEPTH + 0.5))
+
+
+def contact_law(p: Parameters) -> Any:
+    """Table 1. Rolling over twice the reduced radius: the rolling stiffness of a contact is r^2 k_r + k_w as in eq 24."""
+    from particles import LiChu
+
+    return LiChu(
+        p.normal_stiffness, p.sliding_stiffness, p.rolling_stiffness, p.moment_stiffness,
+        normal_damping=0.4, sliding_damping=0.4, rolling_damping=0.4, moment_damping=0.01,
+        sliding_friction=p.sliding_friction, rolling_friction=p.rolling_friction, moment_friction=p.moment_friction,
+        rolling_length="twice_reduced",
+    )  # fmt: skip
+
+
+def sites(p: Parameters) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (n, 2) and radii (n,) of the discs that fill the soil; the same ones for every region."""
+    from meshes import packings
+
+    radius = p.lattice_radius
+    if radius is None:
+        from studies.packing_cache import random_dense
+
+        return random_dense(((0.0, 0.0), (WIDTH, DEPTH)), RANDOM_RADII, POROSITY, p.seed)
+    centres = packings.square_45(soil_region(), radius)
+    return centres, np.full(len(centres), radius * TOUCH)
+
+
+def solid_fraction(p: Parameters) -> float:
+    """Solid fraction of the assembly."""
+    return 1.0 - POROSITY if p.lattice_radius is None else math.pi / 4.0
+
+
+def plate(p: Parameters) -> Any:
+    """The rigid plate, with the discs' own contact law."""
+    from particles import Plate
+
+    left, right = p.plate_position - 0.5 * p.plate_width, p.plate_position + 0.5 * p.plate_width
+    return Plate.rectangle((left, DEPTH), (right, DEPTH + 0.5), velocity=(0.0, -p.speed))
+
+
+def all_particles(p: Parameters) -> Any:
+    """Discs in all of the soil under the plate; the lowest ones are held, the outermost ones laterally and in rotation."""
+    from particles import Assembly
+
+    centres, radii = sites(p)
+    soil = Assembly(centres, radii, p.density, contact_law(p))
+    x, y = centres.T
+    reach = 1.05 * radii if p.lattice_radius is None else math.sqrt(2.0) * radii  # touching / half a lattice spacing
+    soil.hold(np.flatnonzero((x < reach) | (x > WIDTH - reach)), "xr")
+    lowest = y < 1.05 * radii if p.lattice_radius is None else y < y.min() + 1e-3 * radii
+    soil.hold(np.flatnonzero(lowest), "xyr")
+    soil.add_wall(plate(p))
+    return soil
+
+
+def nested_particles(p: Parameters) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Discs of the region and the ghosts around it under the plate, mask of the ghosts, inside share of their masses."""
+    from bridge import nested_layout
+    from particles import Assembly
+
+    centres, radii = sites(p)
+    layout = nested_layout(centres, radii, particle_region(p))
+    soil = Assembly(centres[layout.kept], radii[layout.kept], p.density, contact_law(p))
+    soil.add_wall(plate(p))
+    return soil, layout.ghost, layout.share
+
+
+def material(p: Parameters) -> Any:
+    """Cosserat continuum: moduli of a sample of the packing (Voigt sums over its contacts) or those of the paper."""
+    from continuum import Cosserat, CosseratModuli
+    from meshes import Box
+    from particles import Assembly, measures
+
+    density = p.density * solid_fraction(p)
+    if p.moduli == "paper":
+        return Cosserat(500e6, 0.2, cosserat_shear=70e6, characteristic_length=0.05, density=density)
+    centres, radii = sites(p)
+    largest = radii.max()
+    sample = Box((6.0 - 4.0 * largest, 2.0 - 4.0 * largest), (12.0 + 4.0 * largest, 7.0 + 4.0 * largest))
+    kept = sample.contains(centres)
+    soil = Assembly(centres[kept], radii[kept], p.density, contact_law(p))
+    ids = np.flatnonzero(Box((6.0, 2.0), (12.0, 7.0)).contains(soil.reference))
+    area = math.pi * float(np.sum(soil.radii[ids] ** 2)) / solid_fraction(p)
+    return CosseratModuli(*measures.moduli(soil, area, ids), density)
+
+
+def domain(p: Parameters) -> Any:
+    """The mesh of the soil (collective)."""
+    from meshes import Box, domains
+
+    width, depth = size_in_metres("region", p.region)
+    if p.mesh == "structured":
+        cells = tuple(round(side / p.element_size) for side in (WIDTH, DEPTH))
+        if min(cells) < 1 or max(abs(n * p.element_size - side) for n, side in zip(cells, (WIDTH, DEPTH))) > 1e-9:
+            raise ValueError(f"element_size={p.element_size} must divide {WIDTH:g} m and {DEPTH:g} m (structured mesh)")
+        return domains.rectangle((0.0, 0.0), (WIDTH, DEPTH), cells=cells, plate=p.plate_width)
+    if p.mesh == "graded":
+        left = p.plate_position - 0.5 * width
+        inner = Box((left, DEPTH - depth), (left + width, DEPTH)) if p.method == "bridging" else None
+        near = 0.25 * p.element_size
+        return domains.foundation(WIDTH, DEPTH, p.plate_width, p.element_size, near, region=inner)
+    found = domains.read(p.mesh)
+    if np.abs(found.bounds - soil_region().bounds).max() > 1e-6:
+        (left, bottom), (right, top) = found.bounds
+        raise ValueError(
+            f"mesh={p.mesh} spans ({left:g}, {bottom:g}) to ({right:g}, {top:g}) m; it must span (0, 0) to "
+            f"({WIDTH:g}, {DEPTH:g}) m"
+        )
+    return found
+
+
+def body(p: Parameters, solid: Any, excluded: Any = None) -> Any:
+    """The continuum of a material, with its supports; `excluded` is left to the particles (collective)."""
+    from continuum import Body
+
+    soil = Body(domain(p), solid, excluded=excluded)
+    soil.fix("left", "xr")
+    soil.fix("right", "xr")
+    soil.fix("bottom", "xyr")
+    return soil
+
+
+def under_plate(p: Parameters) -> Any:
+    """Marker of points (n, 2) on the surface under the plate."""
+    reach = 0.5 * p.plate_width + 1e-6
+    return lambda x: (np.abs(x[:, 1] - DEPTH) < 1e-6) & (np.abs(x[:, 0] - p.plate_position) < reach)

@@ -1,0 +1,322 @@
+"""The foundation's three models behind one face: time steps, samples, energies and snapshots.
+
+Rank 0 holds all particles; the continuum is spread over the ranks. Every method is collective.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from bridge.run import Stopwatch, on_root
+from studies import foundation as scene
+from studies.foundation import AVERAGING, Parameters
+from studies.snapshots import Snapshot, continuum_fields, particle_fields
+
+UNSTABLE = 3  # exit status
+COARSE_RATIO = 0.5  # default coarse step as a share of the continuum's critical step
+TERMS = ("external_work", "kinetic", "elastic", "strain", "friction", "viscous", "contact_loss", "mass_damping", "interface")
+
+
+class _Foundation:
+    """What the models share.
+
+    Attributes:
+        steps: Number of steps until the plate has its displacement.
+        counts: Particles, elements, ... for the summary.
+        step_sizes: Time steps and the critical ones, s.
+        last_words: Called with the message on rank 0 before an unstable run on several ranks is ended.
+    """
+
+    soil: Any = None
+    body: Any = None
+    ghosts: np.ndarray | None = None
+
+    def __init__(self, p: Parameters, comm: Any = MPI.COMM_WORLD) -> None:
+        self.p, self.comm = p, comm
+        self.steps, self.step = 0, 0.0
+        self.last_words: Callable[[str], None] = lambda message: None
+        self.counts: dict[str, int] = {}
+        self.step_sizes: dict[str, float] = {}
+        self.material = on_root(comm, lambda: scene.material(p))
+
+    def _plan(self, step: float, largest: float) -> None:
+        """Steps of at most `step` that end exactly at the displacement."""
+        self.steps = max(1, math.ceil(self.p.duration / min(step, largest) * (1.0 - 1e-9)))
+        self.step = self.p.duration / self.steps
+
+    def _fine_step(self, critical: float) -> float:
+        p = self.p
+        if p.step is not None and p.step > critical:
+            raise ValueError(f"step={p.step} must be at most the particles' critical step of {critical:.4g} s")
+        return p.step_ratio * critical if p.step is None else p.step
+
+    @property
+    def displacement(self) -> float:
+        """Displacement of the plate, m, downwards positive."""
+        return self.p.speed * self.time
+
+    time: float
+
+    def load(self) -> float:
+        """Vertical load that the plate carries, N, compression positive."""
+        raise NotImplementedError
+
+    def energies(self) -> dict[str, float]:
+        """All terms since the start, J; see `TERMS`, and `balance` for what is unaccounted for."""
+        raise NotImplementedError
+
+    def sample(self) -> dict[str, float]:
+        """A row of the history."""
+        row = {"time_s": self.time, "displacement_m": self.displacement, "load_N": self.load()}
+        return row | {f"{name}_J": value for name, value in self.energies().items()}
+
+    def snapshot(self) -> Snapshot:
+        """All fields; on ranks other than 0 without them."""
+        found: tuple[Any, Any] = (None, None)
+        if self.soil is not None and self.comm.rank == 0:
+            found = particle_fields(
+                self.soil, self.ghosts, scene.solid_fraction(self.p), self.material.poisson_ratio, AVERAGING
+            )
+        continuum = None if self.body is None else continuum_fields(self.body)
+        return Snapshot(self.time, self.displacement, *found, continuum)
+
+
+class ParticleFoundation(_Foundation):
+    """Particles everywhere; other ranks than 0 look on."""
+
+    def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
+        super().__init__(p, comm)
+        self.time = 0.0
+        self.soil = on_root_only(comm, lambda: scene.all_particles(p))
+        critical = on_root(comm, lambda: self.soil.critical_step())
+        self._plan(self._fine_step(critical), critical)
+        self.step_sizes = {"fine": self.step, "fine_critical": critical}
+        self.counts = {"particles": on_root(comm, lambda: self.soil.count), "fine_steps": self.steps}
+        self._advance = stopwatch.part("particles", lambda steps: self.soil.advance(steps, self.step, mass_damping=p.damping))
+
+    def advance(self, steps: int) -> None:
+        """Take steps of the particles."""
+        _raise_together(self.comm, lambda: self._advance(steps))
+        self.time += steps * self.step
+
+    def load(self) -> float:
+        return on_root(self.comm, lambda: float(self.soil.plates[0].force[1]))
+
+    def energies(self) -> dict[str, float]:
+        def terms() -> dict[str, float]:
+            e = self.soil.energies()
+            sums = {
+                "external_work": e["wall_work"] + e["held_work"],
+                "kinetic": e["kinetic"],
+                "elastic": sum(value for name, value in e.items() if name.startswith("elastic")),
+                "friction": sum(value for name, value in e.items() if name.startswith("friction")),
+            }
+            sums |= {name: e[name] for name in ("viscous", "contact_loss", "mass_damping")}
+            return _complete(sums, self.soil.energy_balance())
+
+        return on_root(self.comm, terms)
+
+
+class ContinuumFoundation(_Foundation):
+    """A linear Cosserat continuum everywhere; the plate prescribes the vertical velocity of the nodes under it."""
+
+    def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
+        super().__init__(p, comm)
+        self.body = scene.body(p, self.material)
+        self.plate = scene.under_plate(p)
+        self.body.prescribe(self.plate, "y", -p.speed)
+        critical = self.body.critical_step()
+        self._plan(COARSE_RATIO * critical, critical)
+        self.step_sizes = {"coarse": self.step, "coarse_critical": critical}
+        elements = comm.allreduce(len(self.body.cell_nodes))
+        self.counts = {"elements": elements, "coarse_steps": self.steps}
+
+    def advance(self, steps: int) -> None:
+        """Take steps of the continuum."""
+        self.body.advance(steps, self.step, mass_damping=self.p.damping)
+
+    @property
+    def time(self) -> float:  # type: ignore[override]
+        """Time since the start, s."""
+        return self.body.time
+
+    def load(self) -> float:
+        return float(-self.body.reaction(self.plate)[1]) if self.body.time > 0.0 else 0.0
+
+    def energies(self) -> dict[str, float]:
+        e = self.body.energies()
+        return _complete({name: e[name] for name in ("external_work", "kinetic", "strain", "mass_damping")}, e["balance"])
+
+
+class BridgedFoundation(_Foundation):
+    """Particles under the plate and the continuum around them, by the bridging-scale method."""
+
+    def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
+        from bridge import BridgingScale
+
+        super().__init__(p, comm)
+        nested = on_root_only(comm, lambda: scene.nested_particles(p))
+        self.soil, self.ghosts, share = nested or (_no_particles(p), np.zeros(0, dtype=bool), np.zeros(0))
+        self.body = scene.body(p, self.material, excluded=scene.particle_region(p))
+        fine_critical = on_root(comm, lambda: self.soil.critical_step())
+        coarse_critical = self.body.critical_step()
+        substeps = self._substeps(self._fine_step(fine_critical), coarse_critical)
+        self.coupled = BridgingScale(
+            self.body, self.soil, self.ghosts, share, step=self.step, substeps=substeps, variant=p.variant,
+            mass_damping=p.damping,
+        )  # fmt: skip
+        self.coupled.fine._run = stopwatch.part("particles", self.coupled.fine._run)  # type: ignore[method-assign]
+        self.step_sizes = {
+            "coarse": self.step, "coarse_critical": coarse_critical,
+            "fine": self.step / substeps, "fine_critical": fine_critical,
+        }  # fmt: skip
+        ghosts, particles = on_root(comm, lambda: (int(self.ghosts.sum()), int((~self.ghosts).sum())))
+        covered = comm.allreduce(int(np.count_nonzero(self.body.cell_fractions == 0.0)))
+        self.counts = {
+            "particles": particles, "ghosts": ghosts, "elements": comm.allreduce(len(self.body.cell_nodes)),
+            "covered_elements": covered, "coarse_steps": self.steps, "fine_steps": self.steps * substeps,
+        }  # fmt: skip
+        stiffness, density = self.material.stiffness, self.material.density
+        self._fastest = math.sqrt(float(np.abs(stiffness).max()) / density)
+
+    def _substeps(self, fine: float, coarse_critical: float) -> int:
+        """Set step and steps; the number of particle steps in one of them."""
+        p = self.p
+        substeps = p.substeps
+        if substeps is None:
+            substeps = max(1, int(COARSE_RATIO * coarse_critical / fine))
+            if p.variant == "paper":
+                substeps = min(substeps, 2)
+        if substeps * fine > coarse_critical:
+            raise ValueError(
+                f"substeps={substeps} makes a coarse step of {substeps * fine:.4g} s; it must be at most the continuum's "
+                f"critical step of {coarse_critical:.4g} s"
+            )
+        self._plan(substeps * fine, coarse_critical)
+        self._warn(substeps)
+        return substeps
+
+    def _warn(self, substeps: int) -> None:
+        """Say where theory or experience expects growth, without the test (`grows`)."""
+        p = self.p
+        if p.variant == "paper" and substeps > 2:
+            warnings.warn(
+                f"variant=paper with substeps={substeps}: the micro-rotation of covered elements limits the coarse step; "
+                "take at most 2 substeps or see --growth-test",
+                stacklevel=3,
+            )
+        masses = p.density * math.pi * float(np.mean(on_root(self.comm, lambda: self.soil.radii)) ** 2)
+        enough = 0.05 * math.sqrt(p.normal_stiffness / masses)
+        if p.variant != "multiplier" and p.damping < 0.99 * enough:
+            warnings.warn(
+                f"variant={p.variant} with damping={p.damping:g} 1/s may grow: it wants {enough:.0f} 1/s, "
+                "0.05 sqrt(k_N/m); take variant=multiplier, more damping, or see --growth-test",
+                stacklevel=3,
+            )
+
+    def grows(self) -> Any:
+        """The growth test of the linearised system, with a warning where it grows; takes a while."""
+        from bridge import growth
+
+        found = growth(self.coupled)
+        found.warn(self.p.duration, f"variant={self.p.variant} with {self.coupled.substeps} substeps")
+        return found
+
+    def advance(self, steps: int) -> None:
+        """Take coarse steps."""
+        if self.comm.size == 1:
+            self.coupled.advance(steps)
+        else:
+            self._advance_or_abort(steps)
+        self._check_stable()
+
+    def _advance_or_abort(self, steps: int) -> None:
+        """Particles that blow up inside a step leave the other ranks waiting for ever: the run is ended from here."""
+        from particles import Unstable
+
+        try:
+            self.coupled.advance(steps)
+        except Unstable as unstable:
+            self.last_words(str(unstable))
+            self.comm.Abort(UNSTABLE)
+
+    def _check_stable(self) -> None:
+        from continuum import Unstable
+
+        speed = np.abs(self.body.velocity[:, :2]).max(axis=1, initial=0.0)
+        with np.errstate(invalid="ignore"):
+            wild = ~(speed <= self._fastest)
+        places = [tuple(place) for found in self.comm.allgather(self.body.coordinates[wild][:1]) for place in found]
+        if places:
+            x, y = places[0]
+            raise Unstable(
+                f"the continuum became unstable by t={self.time:.6g} s: the node at ({x:.6g}, {y:.6g}) m moves faster than "
+                f"the wave speed {self._fastest:.4g} m/s; take fewer substeps, another variant or more damping"
+            )
+
+    @property
+    def time(self) -> float:  # type: ignore[override]
+        """Time since the start, s."""
+        return self.coupled.time
+
+    def load(self) -> float:
+        return on_root(self.comm, lambda: float(self.soil.plates[0].force[1]))
+
+    def sample(self) -> dict[str, float]:
+        return super().sample() | {"interface_gap_m": self.coupled.mismatch()}
+
+    def energies(self) -> dict[str, float]:
+        e = self.coupled.energies()
+        return _complete({"external_work": e["external"]} | e, e["balance"])
+
+    def snapshot(self) -> Snapshot:
+        self.coupled.project_covered()
+        return super().snapshot()
+
+
+MODELS: dict[str, Callable[..., Any]] = {
+    "dem": ParticleFoundation, "bridging": BridgedFoundation, "fem": ContinuumFoundation
+}  # fmt: skip
+
+
+def _complete(terms: dict[str, float], balance: float) -> dict[str, float]:
+    return {name: float(terms.get(name, 0.0)) for name in TERMS} | {"balance": float(balance)}
+
+
+def _no_particles(p: Parameters) -> Any:
+    from particles import Assembly
+
+    return Assembly(np.zeros((0, 2)), np.zeros(0), p.density, scene.contact_law(p))
+
+
+def on_root_only(comm: Any, work: Callable[[], Any]) -> Any:
+    """Result of a function on rank 0, None elsewhere; its ValueError on every rank (collective)."""
+    result: list[Any] = [None]
+
+    def keep() -> None:
+        result[0] = work()
+
+    on_root(comm, keep)
+    return result[0]
+
+
+def _raise_together(comm: Any, work: Callable[[], None]) -> None:
+    """Call on rank 0; its `particles.Unstable` is raised on every rank (collective)."""
+    from particles import Unstable
+
+    message = None
+    if comm.rank == 0:
+        try:
+            work()
+        except Unstable as unstable:
+            message = str(unstable)
+    message = comm.bcast(message, root=0)
+    if message is not None:
+        raise Unstable(message)
+

@@ -1,0 +1,224 @@
+"""One run of the foundation from parameters to the files that it leaves behind."""
+
+from __future__ import annotations
+
+import math
+import sys
+import warnings
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from bridge import output
+from bridge.run import Outcome, Stopwatch, run
+from studies.foundation import PAPER_STATES, Parameters
+from studies.foundation_models import MODELS
+from studies.snapshots import Snapshot
+
+# Li & Wan (2010), table 2 (assembly A, end of loading) and the peak of assembly A in figure 3
+PUBLISHED = {
+    "dem": {
+        "load": 1674.19e3, "min_volumetric_stress": -3.9193e6, "max_effective_stress": 5.9198e6,
+        "min_volumetric_strain": -0.06528, "max_effective_strain": 0.3765, "total_time": 15139.28, "peak_displacement": 0.038,
+    },
+    "bridging": {
+        "load": 1691.12e3, "min_volumetric_stress": -4.0868e6, "max_effective_stress": 6.2195e6,
+        "min_volumetric_strain": -0.06737, "max_effective_strain": 0.3845, "total_time": 1578.64, "peak_displacement": 0.038,
+    },
+    "fem": {},
+}  # fmt: skip
+UNITS = {
+    "peak_load": "N", "peak_displacement": "m", "load": "N", "min_volumetric_stress": "Pa", "max_effective_stress": "Pa",
+    "min_volumetric_strain": "1", "max_effective_strain": "1", "total_time": "s",
+}  # fmt: skip
+
+
+@dataclass
+class Finished:
+    """A run that has ended; results, history and snapshots are on rank 0."""
+
+    parameters: Parameters
+    summary: dict[str, Any]
+    outcome: Outcome
+    snapshots: list[Snapshot]
+
+    @property
+    def results(self) -> dict[str, float]:
+        """Results by name, in the units of `UNITS`."""
+        return {name: entry["value"] for name, entry in self.summary["results"].items()}
+
+
+def frame_steps(p: Parameters, step: float, steps: int, frames: int) -> list[int]:
+    """Steps at which fields are taken: the start, `frames` even parts of the run, and the paper's states on the way."""
+    wanted = np.linspace(0.0, p.displacement, frames + 1)[1:] if frames else np.array([])
+    gap = 0.5 * p.displacement / max(frames, 1)
+    states = np.array([state for state in PAPER_STATES if state < p.displacement - 1e-9] + [p.displacement])
+    even = [value for value in wanted if np.abs(states - value).min() > gap]
+    places = np.concatenate([[0.0] if frames else [], even, states])
+    return sorted(set(np.clip(np.round(places / (p.speed * step)), 0, steps).astype(int).tolist()))
+
+
+def carry_out(
+    p: Parameters,
+    folder: Path | None = None,
+    *,
+    samples: int = 120,
+    frames: int = 8,
+    figures: bool = True,
+    growth_test: bool = False,
+    progress: bool = True,
+    comm: Any = MPI.COMM_WORLD,
+) -> Finished:
+    """Set up, run and write (collective).
+
+    Args:
+        p: Parameters.
+        folder: Output folder, made by `bridge.output.prepare_folder`; None writes nothing.
+        samples: Rows of the history.
+        frames: Times of the field files, beside the paper's states; 0 writes no fields.
+        figures: Whether pictures are drawn.
+        growth_test: Run the growth test before a bridging run.
+        progress: Show a bar on terminals.
+
+    Raises:
+        ValueError: parameters that do not go together; before any step is taken.
+    """
+    watch = Stopwatch()
+    snapshots: list[Snapshot] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        with watch.phase("setup"):
+            model = MODELS[p.method](p, watch, comm)
+            growth = model.grows() if growth_test and p.method == "bridging" else None
+        heard = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
+    if comm.rank == 0:
+        for words in heard:
+            print(f"Warning: {words}", file=sys.stderr)
+    writes = folder if comm.rank == 0 else None
+    history = output.HistoryFile(writes / "history.csv") if writes else None
+    series = FieldSeries(writes / "fields") if writes and frames else None
+
+    def on_frame() -> None:
+        snapshot = model.snapshot()
+        if comm.rank == 0:
+            snapshots.append(snapshot)
+        if series is not None:
+            series.write(snapshot)
+
+    def summary(outcome: Outcome, alone: bool = False) -> dict[str, Any]:
+        energy = {} if alone else model.energies()
+        content = summarise(p, model, outcome, snapshots, watch, energy, heard)
+        if growth is not None:
+            content["growth_rate"] = {"value": growth.rate, "unit": "1/s"}
+        if writes is not None:
+            output.write_json(writes / "summary.json", content)
+        return content
+
+    def last_words(message: str) -> None:
+        if comm.rank == 0:
+            summary(Outcome(model.coupled.coarse_steps, False, message), alone=True)
+            print(f"Error: {message}", file=sys.stderr, flush=True)
+
+    model.last_words = last_words
+    take = frame_steps(p, model.step, model.steps, frames) if frames or figures else [model.steps]
+    outcome = run(
+        model, model.steps, samples=samples, frames=take, on_sample=history.write if history else None, on_frame=on_frame,
+        stopwatch=watch, label=p.method, progress=progress,
+    )  # fmt: skip
+    if history is not None:
+        history.close()
+    done = Finished(p, {}, outcome, snapshots)
+    if writes and figures and outcome.stable:
+        with watch.phase("output"):
+            from studies import foundation_figures
+
+            foundation_figures.draw(done, writes)
+    done.summary = summary(outcome)
+    return done
+
+
+class FieldSeries:
+    """ParaView series of particles, contacts and continuum on one time axis."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._series: dict[str, output.Series] = {}
+
+    def _write(self, name: str, *arguments: Any) -> None:
+        if name not in self._series:
+            self._series[name] = output.Series(self._folder, name)
+        self._series[name].write(*arguments)
+
+    def write(self, s: Snapshot) -> None:
+        """Add a snapshot."""
+        if s.particles is not None:
+            data = s.particles._asdict()
+            points = data.pop("positions")
+            self._write("particles", s.time, points, ("vertex", np.arange(len(points))[:, None]), data)
+        if s.contacts is not None:
+            ends, *forces = s.contacts
+            lines = np.arange(2 * len(ends)).reshape(-1, 2)
+            data = dict(zip(("normal_force", "tangential_force"), forces, strict=True))
+            self._write("contacts", s.time, ends.reshape(-1, 2), ("line", lines), None, data)
+        if s.continuum is not None:
+            c = s.continuum
+            data = {"displacement": c.displacement[:, :2], "micro_rotation": c.displacement[:, 2],
+                    "velocity": c.velocity[:, :2], "spin": c.velocity[:, 2]}  # fmt: skip
+            kind = "quad" if c.cells.shape[1] == 4 else "triangle"
+            self._write("continuum", s.time, c.nodes, (kind, c.cells), data, c.cell_fields)
+
+
+def extremes(s: Snapshot) -> dict[str, float]:
+    """Table 2's extreme stresses and strains, of the particles where there are any."""
+    from_particles = s.particles is not None
+    fields = s.particles._asdict() if s.particles is not None else s.continuum.cell_fields if s.continuum else {}
+    del from_particles
+    return {
+        "min_volumetric_stress": float(np.nanmin(fields["volumetric_stress"])),
+        "max_effective_stress": float(np.nanmax(fields["effective_stress"])),
+        "min_volumetric_strain": float(np.nanmin(fields["volumetric_strain"])),
+        "max_effective_strain": float(np.nanmax(fields["effective_strain"])),
+    }
+
+
+def summarise(
+    p: Parameters, model: Any, outcome: Outcome, snapshots: list[Snapshot], watch: Stopwatch,
+    energy: dict[str, float], heard: list[str],
+) -> dict[str, Any]:  # fmt: skip
+    """The content of summary.json."""
+    values: dict[str, float] = {}
+    if outcome.history:
+        load, moved = outcome.column("load_N"), outcome.column("displacement_m")
+        peak = int(np.argmax(load))
+        values |= {"peak_load": load[peak], "peak_displacement": moved[peak], "load": load[-1]}
+    if snapshots:
+        values |= extremes(snapshots[-1])
+    seconds = watch.seconds | {"total": watch.total}
+    particle_loop = watch.parts.get("particles", 0.0)
+    seconds["coupling"] = max(0.0, seconds["stepping"] - particle_loop) if p.method == "bridging" else 0.0
+    values["total_time"] = seconds["total"]
+    published = PUBLISHED[p.method] if p.is_papers_scene else {}
+    counts = dict(model.counts)
+    if snapshots and snapshots[-1].contacts is not None:
+        counts["contacts"] = len(snapshots[-1].contacts.ends)
+    work = energy.get("external_work", 0.0)
+    discs = counts.get("particles", 0) + counts.get("ghosts", 0)
+    rate = discs * counts.get("fine_steps", 0) / seconds["stepping"] if seconds["stepping"] > 0.0 else 0.0
+    resolved = asdict(p) | {"radius": p.lattice_radius}
+    if "fine" in model.step_sizes:
+        resolved["step"] = model.step_sizes["fine"]
+    if p.method == "bridging":
+        resolved["substeps"] = model.coupled.substeps
+    return {
+        "study": "foundation", "method": p.method, "parameters": resolved, "seed": p.seed,
+        "versions": output.versions(), "ranks": model.comm.size, "threads": 1,
+        "counts": counts, "steps": model.step_sizes, "seconds": seconds, "particle_steps_per_second": rate,
+        "results": {
+            name: {"value": value, "unit": UNITS[name], "published": published.get(name)} for name, value in values.items()
+        },
+        "energy": energy | {"balance_error": abs(energy["balance"]) / work if work > 0.0 else math.nan} if energy else {},
+        "stable": outcome.stable, "message": outcome.message, "warnings": heard,
+    }  # fmt: skip
