@@ -173,9 +173,7 @@ class FieldSeries:
 
 def extremes(s: Snapshot) -> dict[str, float]:
     """Table 2's extreme stresses and strains, of the particles where there are any."""
-    from_particles = s.particles is not None
     fields = s.particles._asdict() if s.particles is not None else s.continuum.cell_fields if s.continuum else {}
-    del from_particles
     return {
         "min_volumetric_stress": float(np.nanmin(fields["volumetric_stress"])),
         "max_effective_stress": float(np.nanmax(fields["effective_stress"])),

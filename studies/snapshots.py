@@ -102,7 +102,8 @@ def particle_fields(
     values = measures.particle_stress(soil).reshape(-1, 4)
     values[~shown] = np.nan
     stress = neighbourhood_average(positions, radii, values, averaging * radii.max()).reshape(-1, 2, 2) * solid_fraction
-    strain = measures.nominal_strain(soil)
+    with np.errstate(invalid="ignore"):  # discs with too few neighbours have NaN
+        strain = measures.nominal_strain(soil)
     found = soil.contacts(walls=True)
     size = np.hypot(*found.force.T)
     discs = found.plate < 0
