@@ -18,6 +18,7 @@ import particles
 
 PHASES = ("setup", "compile", "stepping", "coupling", "output")
 LONGEST_CHUNK = 50  # steps between two looks for blow-up
+COMPILING = "numba:compiler_lock"  # held while Numba compiles or loads what it has compiled before
 Result = TypeVar("Result")
 
 
@@ -37,7 +38,7 @@ class Model(Protocol):
 
 
 class Stopwatch:
-    """Wall seconds by phase; what Numba compiles meanwhile counts as compilation, `part` is time within a phase."""
+    """Wall seconds by phase; what Numba compiles or loads meanwhile counts as `compile`; `part` is time within a phase."""
 
     def __init__(self) -> None:
         self.seconds = dict.fromkeys(PHASES, 0.0)
@@ -50,7 +51,7 @@ class Stopwatch:
         compiled = self.seconds["compile"]
         start = time.perf_counter()
         try:
-            with event.install_timer("numba:compile", self._compiled):
+            with event.install_timer(COMPILING, self._compiled):
                 yield
         finally:
             passed = time.perf_counter() - start
@@ -67,7 +68,7 @@ class Stopwatch:
             compiled: list[float] = []
             start = time.perf_counter()
             try:
-                with event.install_timer("numba:compile", compiled.append):
+                with event.install_timer(COMPILING, compiled.append):
                     return work(*arguments, **options)
             finally:
                 self.parts[name] += time.perf_counter() - start - sum(compiled)

@@ -27,8 +27,8 @@ class Field(NamedTuple):
 
 
 FIELDS = {
-    "volumetric_stress": Field("volumetric stress", 1e-6, "MPa", "viridis_r", "fig 4"),
-    "effective_stress": Field("effective stress", 1e-6, "MPa", "viridis", "fig 5"),
+    "volumetric_stress": Field("volumetric stress", 1e-6, "MPa", "YlGnBu_r", "fig 4"),
+    "effective_stress": Field("effective stress", 1e-6, "MPa", "YlGnBu", "fig 5"),
     "volumetric_strain": Field("nominal volumetric strain", 1e2, "%", "RdBu", "fig 6"),
     "effective_strain": Field("nominal effective strain", 1e2, "%", "magma_r", "fig 7"),
 }
@@ -104,7 +104,7 @@ def state_figure(
     for ax, run, state in zip(axes[:, 0], runs, states):
         used = scale if share or len(runs) == 1 else drawing.limits(*_values(state, name, window))
         shown = paint(ax, run, state, name, used)
-        drawing.place(ax, window, f"{field.title}, {_label(run)}, {1e3 * state.displacement:.0f} mm")
+        drawing.place(ax, window, f"{field.title}, {_label(run)}, {1e3 * state.displacement:.3g} mm")
         drawn.colorbar(shown, ax=ax, label=f"{field.title} ({field.unit})", extend="both", fraction=0.03, pad=0.01)
     drawing.save(drawn, path)
 
@@ -125,13 +125,13 @@ def contact_forces(done: Finished, states: list[Snapshot], path: Path) -> None:
     """Networks of contact forces (figure 8)."""
     window = _near(done)
     drawn, axes = drawing.figure(len(states), 1, (7.0, 4.2))
-    scale = (0.0, float(np.percentile(np.concatenate([s.contacts.normal_force for s in states if s.contacts]), 99.5)))
+    scale = (0.0, float(np.percentile(np.concatenate([s.contacts.normal_force for s in states if s.contacts]), 99.9)))
     for ax, state in zip(axes[:, 0], states):
         if state.contacts is None:
             continue
         shown = drawing.force_network(ax, state.contacts, scale)
         _plate(ax, done, state)
-        drawing.place(ax, window, f"contact forces, {_label(done)}, {1e3 * state.displacement:.0f} mm")
+        drawing.place(ax, window, f"contact forces, {_label(done)}, {1e3 * state.displacement:.3g} mm")
         bar = drawn.colorbar(shown, ax=ax, label="normal force (kN per m)", extend="max", fraction=0.03, pad=0.01)
         bar.ax.yaxis.set_major_formatter(lambda value, _: f"{value / 1e3:.0f}")
     drawing.save(drawn, path)
@@ -159,7 +159,7 @@ def velocities(done: Finished, states: list[Snapshot], path: Path) -> None:
             ax.quiver(*places.T, *moving.T, angles="xy", scale_units="xy", scale=3.0 * done.parameters.speed,
                       width=0.0016, color="k", zorder=3)  # fmt: skip
         _plate(ax, done, state)
-        drawing.place(ax, window, f"velocities, {_label(done)}, {1e3 * state.displacement:.0f} mm")
+        drawing.place(ax, window, f"velocities, {_label(done)}, {1e3 * state.displacement:.3g} mm")
         drawn.colorbar(shown, ax=ax, label="speed (m/s)", extend="max", fraction=0.03, pad=0.01)
     drawing.save(drawn, path)
 
