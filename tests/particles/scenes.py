@@ -1,0 +1,39 @@
+"""Small scenes that several tests of the particles share."""
+
+import numpy as np
+from particles import Assembly, LiChu
+
+PAPER = LiChu(
+    normal_stiffness=2.5e8, sliding_stiffness=5e7, rolling_stiffness=1e6, moment_stiffness=7e2,
+    normal_damping=0.4, sliding_damping=0.4, rolling_damping=0.4, moment_damping=0.01,
+    sliding_friction=0.5, rolling_friction=0.05, moment_friction=0.5e-3,
+)  # fmt: skip
+# the same with dashpots and limits that matter
+ALL = LiChu(
+    normal_stiffness=2.5e8, sliding_stiffness=5e7, rolling_stiffness=1e6, moment_stiffness=7e2,
+    normal_damping=4e3, sliding_damping=2e3, rolling_damping=1e3, moment_damping=1.0,
+    sliding_friction=0.5, rolling_friction=0.05, moment_friction=0.5e-3,
+)  # fmt: skip
+
+
+def square_lattice(columns, lines, radius=0.05):
+    """Centres of a square lattice of touching discs."""
+    x, y = np.meshgrid(2 * radius * np.arange(columns), 2 * radius * np.arange(lines))
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def hexagonal_lattice(columns, lines, radius=0.05):
+    """Centres of a hexagonal lattice of touching discs."""
+    line, column = np.divmod(np.arange(columns * lines), columns)
+    return radius * np.column_stack([2 * column + line % 2, np.sqrt(3) * line])
+
+
+def cloud(count=60, seed=3, law=ALL, **options):
+    """Unequal discs, nearly touching, that rush together and spin: all channels stick and slip, contacts open and close."""
+    rng = np.random.default_rng(seed)
+    side = int(np.ceil(np.sqrt(count)))
+    positions = hexagonal_lattice(side, side, 0.046)[:count] + rng.uniform(-4e-4, 4e-4, (count, 2))
+    soil = Assembly(positions, rng.uniform(0.044, 0.0465, count), law=law, **options)
+    inwards = -10.0 * (positions - positions.mean(axis=0))
+    soil.velocities = np.column_stack([inwards, np.zeros(count)]) + rng.normal(size=(count, 3)) * [0.4, 0.4, 10.0]
+    return soil

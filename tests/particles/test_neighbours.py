@@ -1,0 +1,99 @@
+"""Neighbour list: nothing is missed, histories survive rebuilds and sorting, the fast loops equal a plain one."""
+
+import numpy as np
+import pytest
+from particles import Assembly, LiChu
+from tests.particles import naive
+from tests.particles.scenes import ALL, PAPER, cloud, hexagonal_lattice
+
+
+def test_fast_loop_equals_a_plain_double_loop():
+    soil = cloud(25)
+    start = soil.positions, soil.radii, soil.masses, soil.velocities
+    step, steps = 1e-5, 150
+    places, angle, velocities = naive.advance(*start, ALL, step, steps)
+    soil.advance(steps, step)
+    assert soil.contacts().first.size > 10
+    # the mean arms of the fast loop are exact to the square of the strain increment (1e-8), in a force of relative size 1
+    np.testing.assert_allclose(soil.positions, places, atol=1e-10)
+    np.testing.assert_allclose(soil.velocities, velocities, atol=1e-6 * np.abs(velocities).max())
+
+
+@pytest.mark.parametrize("width", [0.3, 1.5, 4.0])
+def test_list_holds_exactly_the_pairs_in_reach(width):
+    rng = np.random.default_rng(2)
+    positions, radii = rng.uniform(0, width, (120, 2)), rng.uniform(0.01, 0.08, 120)
+    soil = Assembly(positions, radii, law=PAPER, skin=0.02)
+    system, ids = soil.system, soil.ids
+    found = set()
+    for i in range(120):
+        for j in system.neighbour[system.start[i] : system.start[i + 1]]:
+            assert j > i
+            found.add(frozenset((int(ids[i]), int(ids[j]))))
+    distance = np.hypot(*(positions[:, None] - positions[None]).transpose(2, 0, 1))
+    near = distance < radii[:, None] + radii[None] + 0.02
+    assert found == {frozenset((i, j)) for i in range(120) for j in range(i) if near[i, j]}
+
+
+def test_histories_survive_rebuilds_and_sorting():
+    """A thin skin (rebuilt every few steps, rows sorted as the heap shears) and a thick one give the same motion."""
+
+    def run(skin, count=64):
+        soil = cloud(count, skin=skin)
+        places = soil.positions
+        soil.velocities = soil.velocities * 0.2 + np.column_stack([10 * places[:, 1], 0 * places[:, 0], 0 * places[:, 0]])
+        soil.advance(4000, 1e-5)
+        return soil
+
+    thin, thick = run(0.0005), run(10.0)
+    assert thin.rebuilds > 20 and thin.generation > 1, (thin.rebuilds, thin.generation)
+    assert thick.generation == 1
+    # the order of sums differs (rounding), and collisions amplify it
+    np.testing.assert_allclose(thin.displacements, thick.displacements, rtol=1e-6, atol=1e-8)
+    assert sorted(thin.rows) == list(range(64))
+    np.testing.assert_array_equal(thin.ids[thin.rows], np.arange(64))
+
+
+def test_sorting_turns_rolling_histories_with_the_order_of_a_pair():
+    soil = cloud(16)
+    soil.advance(60, 1e-5)
+    before = soil.contacts()
+    soil._system.state[:, :2] *= -1.0  # a half turn about the origin: the same contacts, rows in opposite order
+    soil._rebuild()
+    assert soil.generation == 2
+    after = soil.contacts()
+    where = {frozenset((i, j)): k for k, (i, j) in enumerate(zip(after.first, after.second))}
+    match = [where[frozenset((i, j))] for i, j in zip(before.first, before.second)]
+    turned = np.where(before.first == after.first[match], 1.0, -1.0)
+    assert (turned < 0).any() and np.abs(before.elastic[:, 2]).max() > 0
+    # the half turn carries the pair rigidly, so the couple on a given disc and the sliding force along t stay
+    np.testing.assert_allclose(after.elastic[match][:, 1], before.elastic[:, 1])
+    np.testing.assert_allclose(after.elastic[match][:, 2], turned * before.elastic[:, 2])
+    np.testing.assert_allclose(after.moment[match], turned * before.moment)
+
+
+def test_materials_pick_their_law():
+    soft, hard = LiChu(1e6), LiChu(4e6)
+    laws = {(0, 0): soft, (0, 1): hard, (1, 1): hard}
+    soil = Assembly([[0, 0], [0.099, 0], [0.3, 0], [0.399, 0]], 0.05, law=laws, materials=[0, 0, 0, 1])
+    soil.advance(1, 1e-9)
+    forces = soil.forces[:, 0]
+    assert forces[2] / forces[0] == pytest.approx(4.0, rel=1e-6)
+    one = Assembly([[0, 0], [0.099, 0]], 0.05, law=soft)
+    one.advance(1, 1e-9)
+    assert forces[0] == pytest.approx(one.forces[0, 0])
+
+
+def test_ghosts_have_no_contacts_among_themselves():
+    soil = Assembly(hexagonal_lattice(4, 4, 0.0499), 0.05, law=PAPER)
+    soil.set_ghosts([0, 1])
+    found = soil.contacts()
+    assert not ((found.first + found.second == 1) & (found.first * found.second == 0)).any()
+    assert found.first.size == Assembly(hexagonal_lattice(4, 4, 0.0499), 0.05, law=PAPER).contacts().first.size - 1
+
+
+def test_empty_assembly_runs():
+    soil = Assembly(np.zeros((0, 2)), np.zeros(0), law=PAPER)
+    soil.advance(5, 1e-3)
+    assert soil.displacements.shape == (0, 3) and soil.critical_step() == np.inf
+    assert soil.energy_balance() == 0.0
