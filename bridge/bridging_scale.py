@@ -86,6 +86,13 @@ class BridgingScale:
             self.coarse_steps += 1
             self.body.time = self.time
 
+    def on_outline(self):
+        """Mask (n,) of this rank's particles whose centre lies on the outline of the covered region."""
+        soil = self.soil
+        if self.body.excluded is None or not soil.count:
+            return np.zeros(soil.count, dtype=bool)
+        return np.abs(self.body.excluded.distance(soil.reference)) < 1e-6 * soil.radii
+
     @property
     def mass(self):
         """Coarse lumped mass (owned nodes, 3) of the nodes with continuum mass; zero at covered nodes."""

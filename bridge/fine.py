@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 
 from bridge.projection import Projection, SymmetricSolver
 from bridge.substeps import Ghosts, Linear, Tie, run_prescribed, run_slaved, run_tied
+from particles.network import Before, trial_forces
 
 Array = NDArray[np.float64]
 
+TOUCHING = 1e-6  # gap, in sums of radii, up to which two discs count as touching
 RETIE = 0.1  # part of the tied ghosts' drift from the mesh that is taken back each coarse step; 1 makes the scheme grow
 
 
@@ -33,17 +35,22 @@ class FineScale:
 
     def __init__(self, soil, ghosts, share: Array, shape: sparse.csr_matrix, step: float, mass_damping: float, gravity):
         self.soil, self.share, self.step, self.mass_damping = soil, np.asarray(share), step, mass_damping
-        self._ids, self._shape, self._gravity = np.flatnonzero(ghosts), sparse.csr_matrix(shape), gravity
+        self.ids, self._shape, self._gravity = np.flatnonzero(ghosts), sparse.csr_matrix(shape), gravity
         self._weights = np.column_stack([soil.masses, soil.masses, soil.inertias])
-        self.ghost_mass = self._weights[self._ids]
-        self.ghost_shape = self._shape[self._ids]
+        self.ghost_mass = self._weights[self.ids]
+        self.ghost_shape = self._shape[self.ids]
         self._work = np.zeros(1)
         self.linear: Linear | None = None
-        self.kinetic_part = self.share  # of the ghosts' mass that moves with the particles, not with the mesh
+        self.ghosts_move_by_themselves = False  # otherwise their inside share is mass of the mesh
         self._generation = -1
+        self._before: Before | None = None
 
-    def set_interface(self, covered) -> None:
-        """Number the nodes that move ghosts and make the kernels' arrays; `covered` nodes (needed nodes,) may not be among them.
+    def set_interface(self, covered, outline) -> None:
+        """Number the nodes that move ghosts and make the kernels' arrays.
+
+        Args:
+            covered: Mask (needed nodes,) of nodes without continuum mass; ghosts may not depend on them.
+            outline: Mask (n,) of particles whose centre lies on the outline of the covered region.
 
         Raises:
             ValueError: a ghost depends on a node without continuum mass.
@@ -54,14 +61,34 @@ class FineScale:
             raise ValueError(
                 "a ghost lies in a covered element: leave the same region out of the body as was given to the layout"
             )
-        count, width = len(self._ids), len(self.interface)
+        count, width = len(self.ids), len(self.interface)
         self._saved, self._reaction, self._multiplier = np.zeros((count, 8)), np.zeros((count, 3)), np.zeros((count, 3))
         self._ghost_acceleration, self._shift = np.zeros((count, 3)), np.zeros((count, 3))
         self.nodal_acceleration = np.zeros((width, 3))  # of interface nodes by the ghosts' reactions
+        self.edge_stiffness = None
         if self.soil.count:
-            self.soil.set_ghosts(self._ids)
+            self._set_edge_stiffness(np.flatnonzero(np.asarray(outline)[self.ids]))
+            self.soil.set_ghosts(self.ids)
             self._prepare(1)
             self._reaction[:] = self.soil.system.force[self._ghosts.rows] - self._ghosts.load
+
+    def _set_edge_stiffness(self, edge) -> None:
+        """Contacts between two ghosts on the outline: half of each belongs to the particle region, as the ghosts' mass does.
+
+        They stick and stay elastic, as the continuum across the outline does: a constant matrix (3 needed nodes squared).
+        """
+        if len(edge) < 2:
+            return
+        self.soil.set_ghosts(self.ids[:0])
+        everything = self.soil.stiffness_matrix(contact_range=TOUCHING)
+        self.soil.set_ghosts(self.ids[edge])  # pairs of two of them drop out of the network
+        pairs = everything - self.soil.stiffness_matrix(contact_range=TOUCHING)
+        rows = (3 * self.ids[edge][:, None] + np.arange(3)).ravel()
+        pairs = sparse.csr_matrix(pairs)[rows][:, rows]
+        if abs(pairs).max() == 0.0:
+            return
+        shape = sparse.kron(self.ghost_shape[edge], sparse.identity(3), format="csr")
+        self.edge_stiffness = sparse.csr_matrix(0.5 * shape.T @ pairs @ shape)
 
     def _arrange(self) -> None:
         """Operators in the present row order."""
@@ -71,7 +98,7 @@ class FineScale:
         rows = np.asarray(self.soil.rows)
         order = np.argsort(rows)
         free = np.ones(len(rows), dtype=bool)
-        free[rows[self._ids]] = False
+        free[rows[self.ids]] = False
         self._free = np.flatnonzero(free)
         shape = self._shape[order]
         self._to_nodes = sparse.csr_matrix(shape.T)
@@ -81,7 +108,7 @@ class FineScale:
         load = self.ghost_mass * (1.0 - self.share)[:, None] * np.array([*self._gravity, 0.0])
         local = sparse.csr_matrix(self.ghost_shape[:, self.interface])
         self._ghosts = Ghosts(
-            rows[self._ids].astype(np.int64), self.ghost_mass, load,
+            rows[self.ids].astype(np.int64), self.ghost_mass, load,
             local.indptr.astype(np.int64), local.indices.astype(np.int64), local.data,
         )  # fmt: skip
         self._previous = np.zeros((len(rows), 3))
@@ -141,7 +168,7 @@ class FineScale:
         increment[free] = projection.extend(nodal - projection.coarse(self.displacement()))
         predictor[free] += projection.extend(nodal_velocity - projection.coarse(predictor[free]))
         if self.linear is None:
-            force = np.array(self.soil.trial_forces(increment, predictor))
+            force = trial_forces(system, self._terms, increment, predictor, self._before)
         else:
             linear = self.linear
             moved = np.column_stack([system.state[:, :2] - self._reference, system.state[:, 7]]) + increment
@@ -188,7 +215,7 @@ class FineScale:
 
     def set_tie(self, mobility: Array) -> None:
         """Factor the interface problem; `mobility` (needed nodes, 3) turns a link force into a coarse velocity, s/kg."""
-        self.kinetic_part = np.ones_like(self.share)
+        self.ghosts_move_by_themselves = True
         damper = 1.0 + 0.5 * self.mass_damping * self.step
         stiffness = 2.0 * damper / self.step * self.ghost_mass
         local = self.ghost_shape[:, self.interface]
@@ -209,25 +236,40 @@ class FineScale:
             self._terms = self.soil.prepare(self.step, steps, mass_damping=self.mass_damping, gravity=self._gravity)[1]
             self._arrange()
 
-    def _run(self, kernel, steps: int, before: tuple, after: tuple) -> None:
-        first = 0
+    def _run(self, kernel, steps: int, before: tuple, after: tuple, first: int = -1, until: int | None = None) -> int:
+        """Call a loop until `until` (default all) substeps are done, with new lists on the way; the list is valid then."""
+        until = steps if until is None else until
         while True:
             system = self.soil.system
             first = kernel(system, self._terms, self.linear, self._ghosts, *before, self.step, steps, first, *after)
-            if first == steps:
-                return
-            self.soil.refresh()
-            self._arrange()
+            if first < steps:
+                self.soil.refresh()
+                self._arrange()
+            if first >= until:
+                return first
 
-    def run_prescribed(self, velocity: Array, acceleration: Array, steps: int) -> None:
-        """Fine steps with ghosts of constant acceleration; nodal velocity and acceleration (needed nodes, 3) at their start."""
+    def run_prescribed(self, velocity: Array, acceleration: Array, steps: int, remember: bool) -> None:
+        """Fine steps with ghosts of constant acceleration.
+
+        Args:
+            velocity, acceleration: Of the nodes (needed nodes, 3) at the start.
+            steps: Number of fine steps.
+            remember: Keep what `force_of_total_motion` needs of the time before the last evaluation.
+        """
         if not self.soil.count:
             return
         self._prepare(steps)
         self._set_ghost_velocity(velocity)
         self._ghost_acceleration[:] = self.ghost_shape @ acceleration
+        before = (self._ghost_acceleration,)
         after = (self._saved, self._reaction, self._previous, self._work)
-        self._run(run_prescribed, steps, (self._ghost_acceleration,), after)
+        first = -1
+        if remember and self.linear is None:
+            first = self._run(run_prescribed, steps, before, (steps - 1, *after), until=steps - 1)
+            system = self.soil.system
+            walls = None if system.walls is None else system.walls.history.copy()
+            self._before = Before(system.history.copy(), walls, self.step * system.state[:, 2:5])
+        self._run(run_prescribed, steps, before, (-1, *after), first)
 
     def run_slaved(self, velocity: Array, inverse_mass: Array, steps: int) -> tuple[Array, Array]:
         """Fine steps with interface nodes moved by the ghosts' reactions.
@@ -301,10 +343,12 @@ class FineScale:
         if not self.soil.count:
             return [0.0] * len(self.ENERGY_NAMES)
         sums = self.soil.energies()
-        spared = self.ghost_mass * (1.0 - self.kinetic_part)[:, None]
         velocity = self.soil.system.state[self._ghosts.rows, 2:5]
+        kinetic = sums["kinetic"]
+        if not self.ghosts_move_by_themselves:
+            kinetic -= 0.5 * float(np.vdot(self.ghost_mass * velocity, velocity))
         return [
-            sums["kinetic"] - 0.5 * float(np.vdot(spared * velocity, velocity)),
+            kinetic,
             sum(value for name, value in sums.items() if name.startswith("elastic")),
             sum(value for name, value in sums.items() if name.startswith("friction")),
             sums["viscous"], sums["contact_loss"], sums["mass_damping"],

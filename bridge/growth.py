@@ -83,7 +83,7 @@ def growth(coupled, *, contact_range: float = 1e-6, vectors: int = 24, seed: int
         operator = sparse_linalg.LinearOperator((size, size), matvec=steps, dtype=np.float64)
         try:
             values = sparse_linalg.eigs(
-                operator, k=4, ncv=vectors, v0=start, tol=1e-4, maxiter=12, return_eigenvectors=False
+                operator, k=4, ncv=vectors, v0=start, tol=1e-2, maxiter=4, return_eigenvectors=False
             )
         except sparse_linalg.ArpackNoConvergence as partial:
             values = partial.eigenvalues

@@ -1,7 +1,7 @@
 """The fine steps inside one coarse step, with the ghosts moved by the mesh: jitted loops over the particle kernels.
 
-Each loop starts and ends with velocities at full steps (`particles.motion`). A loop that finds the neighbour list used up
-returns the number of substeps done; the caller renews the list and calls again with that number as `first`.
+Each loop starts and ends with velocities at full steps (`particles.motion`). A loop begins with `first` = -1; where it finds
+the neighbour list used up it returns the number of substeps done, and is called again with that number once the list is new.
 """
 
 from __future__ import annotations
@@ -175,15 +175,18 @@ def _at_ghosts(ghosts, nodal, values):
 
 
 @njit(cache=True)
-def run_prescribed(system, terms, linear, ghosts, acceleration, h, steps, first, saved, reaction, previous, work):
+def run_prescribed(
+    system, terms, linear, ghosts, acceleration, h, steps, first, pause, saved, reaction, previous, work
+):
     """Ghosts move with constant acceleration (Li & Wan 2010, eqs 25-26); `acceleration` is (g, 3).
 
     `reaction` (g, 3) are the forces on the ghosts, N and N m; `previous` receives the accelerations before the last step.
+    The loop also returns before the evaluation of substep `pause`.
     """
-    if first == 0:
+    if first < 0:
         _drift_massless(system, terms, ghosts, saved, acceleration, h)
-    for j in range(first, steps):
-        if _list_used_up(system, linear):
+    for j in range(max(first, 0), steps):
+        if j == pause or _list_used_up(system, linear):
             return j
         _forces(system, terms, linear, h)
         _save(system, ghosts, saved)
@@ -203,13 +206,13 @@ def run_slaved(
     `nodal` (3, interface nodes, 3): displacement since the coarse time, velocity, acceleration; `inverse_mass` of the nodes.
     """
     sums = np.empty_like(nodal[0])
-    if first == 0:
+    if first < 0:
         _drift_massless(system, terms, ghosts, saved, acceleration, h)
         for i in range(nodal.shape[1]):
             for component in range(3):
                 nodal[1, i, component] += 0.5 * h * nodal[2, i, component]
                 nodal[0, i, component] += h * nodal[1, i, component]
-    for j in range(first, steps):
+    for j in range(max(first, 0), steps):
         if _list_used_up(system, linear):
             return j
         _forces(system, terms, linear, h)
@@ -241,10 +244,10 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, shift, h, steps, fi
     state, force = system.state, system.force
     residual = np.empty_like(multiplier)
     right = np.empty_like(nodal)
-    if first == 0:
+    if first < 0:
         drift(system, terms, h)
         _shift_ghosts(system, ghosts, shift, h)
-    for j in range(first, steps):
+    for j in range(max(first, 0), steps):
         if _list_used_up(system, linear):
             return j
         _forces(system, terms, linear, h)

@@ -19,18 +19,20 @@ class _Variant:
         self.step, self.damping = coupled.step, coupled.mass_damping
         self.damper = 1.0 + 0.5 * self.damping * self.step
         self.covered = exchange.gather(body.mass)[:, 0] <= 0.0  # needed nodes without continuum mass
-        fine.set_interface(self.covered)
+        fine.set_interface(self.covered, coupled.on_outline())
         self.mass = self._coarse_mass(body.mass.copy())
         movable = (self.mass > 0.0) & ~body.fixed
         self.inverse_mass = np.divide(1.0, self.mass, out=np.zeros_like(self.mass), where=movable)
         self.external = body.external_force()
-        self.continuum_force = self.external - body.internal_force()
+        self._stiff_edge = bool(body.comm.allreduce(int(fine.edge_stiffness is not None)))
+        self.update_continuum_force()
         self.link = np.zeros_like(self.mass)  # force of the particles on the continuum's own mass, N
         self.lost = self.external_work = self.link_work = 0.0
-        self.moves_prescribed = getattr(body, "prescribes_motion", False)
+        self.moves_prescribed = body.moves_prescribed
 
     def _coarse_mass(self, mass):
-        """Lumped mass (owned nodes, 3) of the coarse unknowns that carry continuum."""
+        """Lumped mass (owned nodes, 3) of the nodes that carry continuum, here with the ghosts' inside share."""
+        self.exchange.scatter(self.fine.ghost_mass_at_nodes(self.fine.share), mass)
         return mass
 
     def _displace(self, increment):
@@ -40,7 +42,16 @@ class _Variant:
             mean = 0.5 * (self.body.prescribed_velocity(time) + self.body.prescribed_velocity(time + self.step))
             increment[fixed] = self.step * mean[fixed]
         self.body.displacement[:] += increment
+        self.update_continuum_force()
+
+    def update_continuum_force(self) -> None:
+        """Loads minus internal force (owned nodes, 3) at the present displacements, N (collective)."""
         self.continuum_force = self.external - self.body.internal_force()
+        if self._stiff_edge:
+            nodal = self.exchange.gather(self.body.displacement)
+            edge = self.fine.edge_stiffness
+            force = np.zeros_like(nodal) if edge is None else (edge @ nodal.ravel()).reshape(-1, 3)
+            self.exchange.scatter(-force, self.continuum_force)
 
     def _finish(self, increment, velocity_before, link):
         """Impose prescribed velocities and book the work of the coarse step (trapezoidal sums)."""
@@ -66,7 +77,7 @@ class _Variant:
     def start_from_state(self) -> None:
         """Bring everything else in line with displacements, velocities and `carried` arrays that were set from outside."""
         body, gather = self.body, self.exchange.gather
-        self.continuum_force = self.external - body.internal_force()
+        self.update_continuum_force()
         self.fine.follow_mesh(gather(body.displacement), gather(body.velocity), gather(body.acceleration))
 
     def energies(self) -> np.ndarray:
@@ -87,7 +98,7 @@ class PaperVariant(_Variant):
         super().__init__(coupled)
         exchange = self.exchange
         free = ~(exchange.gather(self.body.fixed.astype(float)) > 0.5)
-        lumped = exchange.gather(self.mass)
+        lumped = exchange.gather(self.body.mass)
         gram = self.fine.consistent_mass()
         self._blocks = []
         for component in range(3):
@@ -118,7 +129,8 @@ class PaperVariant(_Variant):
         body, fine, exchange = self.body, self.fine, self.exchange
         velocity, acceleration = body.velocity, body.acceleration
         before = velocity.copy()
-        fine.run_prescribed(exchange.gather(velocity), exchange.gather(acceleration), self.coupled.substeps)
+        nodal = exchange.gather(velocity), exchange.gather(acceleration)
+        fine.run_prescribed(*nodal, self.coupled.substeps, remember=self.total_motion)
         half = velocity + 0.5 * self.step * acceleration
         increment = self.step * half
         self._displace(increment)
@@ -155,10 +167,6 @@ class ResyncVariant(PaperVariant):
 
 class RespaVariant(_Variant):
     """Impulse multi-stepping: continuum kicks at coarse times, interface nodes move with the particles in between."""
-
-    def _coarse_mass(self, mass):
-        self.exchange.scatter(self.fine.ghost_mass_at_nodes(self.fine.share), mass)
-        return mass
 
     def carried(self) -> list[np.ndarray]:
         return [self.fine.nodal_acceleration]
@@ -205,7 +213,7 @@ class MultiplierVariant(_Variant):
         return [self.link]
 
     def start_from_state(self) -> None:
-        self.continuum_force = self.external - self.body.internal_force()  # ghosts have a motion of their own
+        self.update_continuum_force()  # ghosts have a motion of their own
 
     def advance(self) -> None:
         body, fine, exchange, step = self.body, self.fine, self.exchange, self.step

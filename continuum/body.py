@@ -32,7 +32,7 @@ class Body:
         micro_inertia: rotational inertia per volume Theta: "scaled" (rho h_e^2 / 12, quasi-static runs; h_e^2 is the
             area of the quadrilateral, or of two triangles), "physical" (rho r^2 / 2 of discs) or a number (kg/m).
         particle_radius: radius r (m) of the discs; needed for "physical".
-        excluded: region whose part of all integrals (stiffness, mass, loads) is left out: exact where it has
+        excluded: region whose part of all integrals (stiffness, mass, loads) is left out (all of it allowed): exact where it has
             `corners` (a convex polygon, such as a Box), else by 16 x 16 sub-cells a cell.
 
     Construction is collective.
@@ -111,9 +111,6 @@ class Body:
             if not hasattr(self.excluded, "contains"):
                 raise ValueError(f"excluded={self.excluded} must be a region (an object with contains)")
             self.cell_fractions, weights = cuts.uncovered(self.cell_corners, self.excluded)
-        total = self.comm.allreduce(int(np.count_nonzero(self.cell_fractions)))
-        if total == 0:
-            raise ValueError(f"excluded={self.excluded} covers the whole mesh; nothing is left of the body")
         tags = np.where(self.cell_fractions == 1.0, forms.WHOLE, forms.CUT).astype(np.int32)
         kept = np.flatnonzero(self.cell_fractions > 0.0).astype(np.int32)
         self._measure = ufl.Measure(
@@ -269,6 +266,11 @@ class Body:
     def fixed(self) -> np.ndarray:
         """True (n_owned, components) where a component is prescribed."""
         return self.boundaries.fixed
+
+    @property
+    def moves_prescribed(self) -> bool:
+        """Whether any prescribed component (of any rank) moves, ever."""
+        return self.boundaries.moving
 
     def prescribed_velocity(self, time: float) -> np.ndarray:
         """Prescribed velocities (n_owned, components) at a time; zero where nothing is prescribed."""

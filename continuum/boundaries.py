@@ -65,6 +65,11 @@ class Boundaries:
         return np.flatnonzero(marked)
 
     @property
+    def moving(self) -> bool:
+        """Whether any motion is other than rest."""
+        return any(callable(motion) or motion != 0.0 for motion in self._motions)
+
+    @property
     def fixed_flat(self) -> np.ndarray:
         """Places of the prescribed components in the flattened (n_owned, components) arrays."""
         return self._fixed_flat if self._motions else np.empty(0, dtype=np.int64)

@@ -131,20 +131,39 @@ def _assemble(soil, first, second, plate, normal, overlap, first_arm, second_arm
     return found._replace(force=force, moment=couple)
 
 
-def trial_forces(system: System, terms: Terms, increment: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Forces (n, 3) in row order at a displaced state; see `Assembly.trial_forces`."""
+class Before(NamedTuple):
+    """Histories before the last evaluation and the displacements of the step that led to it."""
+
+    history: np.ndarray  # (pairs, channels)
+    wall_history: np.ndarray | None  # (listed, channels)
+    moved: np.ndarray  # (n, 3), row order, m and rad
+
+
+def trial_forces(
+    system: System, terms: Terms, increment: np.ndarray, velocity: np.ndarray, before: Before | None = None
+) -> np.ndarray:
+    """Forces (n, 3) in row order at a displaced state; see `Assembly.trial_forces`.
+
+    With `before` the last step is made again with the displacement `moved + increment`: with a zero increment the forces
+    are those of the last evaluation, slip and dashpots included.
+    """
     state = system.state.copy()
     state[:, :2] += increment[:, :2]
     state[:, 7] += increment[:, 2]
-    # one step of unit size: the row velocity is the increment, and the predictor is the velocity given
-    state[:, 2:5] = increment
+    # one step of unit size: the row velocity is the displacement of the step, and the predictor is the velocity given
+    moved = increment if before is None else before.moved + increment
+    state[:, 2:5] = moved
+    history = system.history if before is None else before.history
     trial = system._replace(
-        state=state, acceleration=np.ascontiguousarray(2.0 * (velocity - increment)), force=np.zeros_like(system.force),
-        history=system.history.copy(), sums=np.zeros_like(system.sums),
+        state=state, acceleration=np.ascontiguousarray(2.0 * (velocity - moved)), force=np.zeros_like(system.force),
+        history=history.copy(), sums=np.zeros_like(system.sums),
     )  # fmt: skip
     if system.walls is not None:
-        plates = system.walls.plates.copy()
-        plates[:, PLATE_DX] = plates[:, PLATE_DY] = 0.0
-        trial = trial._replace(walls=system.walls._replace(plates=plates, history=system.walls.history.copy()))
+        plates, history = system.walls.plates.copy(), system.walls.history
+        if before is None:
+            plates[:, PLATE_DX] = plates[:, PLATE_DY] = 0.0
+        else:
+            history = before.wall_history
+        trial = trial._replace(walls=system.walls._replace(plates=plates, history=history.copy()))
     motion.evaluate(trial, terms, 1.0)
     return trial.force

@@ -1,0 +1,88 @@
+"""Growth and energy of the variants."""
+
+import numpy as np
+import pytest
+
+from bridge import Growth, growth
+from tests.bridge.scenes import ELASTIC, GRANULAR, scene
+
+RADIUS = 0.125 / np.sqrt(2.0)  # four rows of the turned lattice in a metre
+SMALL = dict(size=(4.0, 3.0), radius=RADIUS, region=((1.0, 2.0), (3.0, 4.0)), anchor=(0.0, 2.0), law=ELASTIC)
+
+
+@pytest.mark.parametrize("substeps", [1, 2, 4])
+@pytest.mark.parametrize("variant", ["respa", "multiplier"])
+def test_variants_with_coarse_unknowns_outside_only_do_not_grow(variant, substeps):
+    coupled, _ = scene(**SMALL, step=1e-4 * substeps, substeps=substeps, variant=variant)
+    assert not growth(coupled).grows
+
+
+def test_the_published_scheme_flutters_without_damping_and_damping_cures_it():
+    rates = []
+    for damping in (0.0, 200.0):
+        coupled, _ = scene(**SMALL, step=1e-4, substeps=1, variant="paper", mass_damping=damping)
+        rates.append(growth(coupled).rate)
+    assert rates[0] > 5.0 > 0.0 > rates[1]
+
+
+def test_the_test_leaves_the_run_as_it_was():
+    runs = []
+    for tested in (False, True):
+        coupled, _ = scene(**SMALL, step=5e-4, substeps=2, variant="multiplier")
+        coupled.soil.velocities = 1e-3 * np.random.default_rng(4).standard_normal((coupled.soil.count, 3))
+        coupled.advance(5)
+        if tested:
+            growth(coupled)
+        coupled.advance(20)
+        runs.append((coupled.soil.displacements, coupled.body.displacement.copy(), coupled.energies()["kinetic"]))
+    for kept, plain in zip(*runs, strict=True):
+        np.testing.assert_array_equal(kept, plain)
+
+
+def test_growth_speaks_plainly():
+    found = Growth(spectral_radius=1.01, rate=np.log(1.01) / 1e-3, step=1e-3)
+    assert found.over(0.1) == pytest.approx(1.01**100)
+    with pytest.warns(UserWarning, match="variant resync grows by 9.95 1/s, a factor 2.7 in this run"):
+        found.warn(0.1, "variant resync")
+    assert Growth(1.0, 0.0, 1e-3).warn(1.0, "anything") is None
+
+
+def balance(variant, refinement, substeps=2):
+    plate = ((1.5, 3.0 + RADIUS), (2.5, 3.5), (0.0, -0.5))
+    step = 1e-4 / refinement
+    coupled, _ = scene(
+        **{**SMALL, "law": GRANULAR},
+        plate=plate,
+        step=step * substeps,
+        substeps=substeps,
+        variant=variant,
+        mass_damping=100.0,
+    )
+    coupled.advance(int(round(0.02 / coupled.step)))
+    return coupled.energies()
+
+
+@pytest.mark.parametrize("variant", ["paper", "resync", "respa", "multiplier"])
+def test_energy_balance_closes_and_the_error_falls_with_the_step(variant):
+    coarse, fine = balance(variant, 1), balance(variant, 4)
+    errors = [abs(e["balance"]) / e["external"] for e in (coarse, fine)]
+    assert errors[0] < 1e-3
+    assert errors[1] < 0.3 * errors[0]  # first order at least: a quarter of the step
+    assert all(e[name] > 0.0 for e in (coarse, fine) for name in ("friction", "mass_damping", "strain", "elastic"))
+
+
+def test_slaved_nodes_lose_nothing_at_the_interface():
+    energies = balance("respa", 1, substeps=4)
+    assert abs(energies["interface"]) < 1e-12 * energies["external"]
+
+
+def test_bad_settings_are_named():
+    for options, words in [
+        (dict(variant="best"), "variant='best' must be one of paper, resync, respa, multiplier"),
+        (dict(substeps=0), "substeps=0 must be a whole number"),
+        (dict(substeps=1.5), "substeps=1.5 must be a whole number"),
+        (dict(step=-1.0), "step=-1.0 must be positive"),
+        (dict(mass_damping=float("nan")), "mass_damping=nan must be zero or positive"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            scene(**SMALL, **{"step": 1e-4, **options})

@@ -1,0 +1,38 @@
+"""The coupling on several ranks gives what one rank gives: particles on rank 0, the mesh on all."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from tests.bridge.scenes import GRANULAR, scene
+
+comm = MPI.COMM_WORLD
+OPTIONS = dict(
+    size=(4.0, 3.0), radius=0.125 / np.sqrt(2.0), region=((1.0, 2.0), (3.0, 4.0)), anchor=(0.0, 2.0), law=GRANULAR,
+    plate=((1.5, 3.0 + 0.125 / np.sqrt(2.0)), (2.5, 3.5), (0.0, -0.5)), step=4e-4, substeps=4, mass_damping=100.0,
+)  # fmt: skip
+
+
+def run(communicator, variant):
+    coupled, _ = scene(**OPTIONS, variant=variant, comm=communicator)
+    coupled.advance(40)
+    coupled.project_covered()
+    body = coupled.body
+    rows = np.column_stack([body.coordinates, body.displacement])
+    nodes = np.concatenate(communicator.allgather(rows))
+    nodes = nodes[np.lexsort(np.round(nodes[:, :2], 6).T)]
+    particles = communicator.bcast(coupled.soil.displacements)
+    return nodes, particles, coupled.energies(), coupled.mismatch()
+
+
+@pytest.mark.parametrize("variant", ["paper", "resync", "respa", "multiplier"])
+def test_ranks_agree_with_one_rank(variant):
+    """Sums over ranks change the order of additions only: 1e-9 of the largest displacement after 40 coarse steps."""
+    nodes, particles, energies, mismatch = run(comm, variant)
+    alone = run(MPI.COMM_SELF, variant)
+    scale = np.abs(alone[1]).max()
+    np.testing.assert_allclose(nodes, alone[0], rtol=0.0, atol=1e-9 * scale)
+    np.testing.assert_allclose(particles, alone[1], rtol=0.0, atol=1e-9 * scale)
+    for name, value in alone[2].items():
+        assert energies[name] == pytest.approx(value, abs=1e-8 * alone[2]["external"])
+    assert mismatch == pytest.approx(alone[3], rel=1e-3, abs=1e-13)
