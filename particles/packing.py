@@ -64,17 +64,15 @@ def _push(force, places, radii, start, neighbour, lower, upper):
 
 @njit(cache=True, fastmath=FAST)
 def _move(places, velocity, force, mix, step):
-    """One sweep of FIRE (Bitzek et al. 2006): steer along the force, step; power, and largest force and speed squared."""
+    """One sweep of FIRE (Bitzek et al. 2006): steer along the force, step; power, sum of squared forces, top speed squared."""
     power = 0.0
     forces = 0.0
     speeds = 0.0
-    strongest = 0.0
     for i in range(places.shape[0]):
         square = force[i, 0] * force[i, 0] + force[i, 1] * force[i, 1]
         power += force[i, 0] * velocity[i, 0] + force[i, 1] * velocity[i, 1]
         forces += square
         speeds += velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1]
-        strongest = max(strongest, square)
     keep = 1.0 - mix if power > 0.0 else 0.0
     steer = mix * math.sqrt(speeds / forces) if power > 0.0 and forces > 0.0 else 0.0
     fastest = 0.0
@@ -83,12 +81,12 @@ def _move(places, velocity, force, mix, step):
             velocity[i, c] = keep * velocity[i, c] + (steer + step) * force[i, c]
             places[i, c] += step * velocity[i, c]
         fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
-    return power, strongest, fastest
+    return power, forces, fastest
 
 
 @njit(cache=True)
 def _settle(places, velocity, force, radii, start, neighbour, lower, upper, skin, control, sweeps, tolerance, tiny):
-    """Sweeps until the strongest unbalanced force is below `tolerance` times the mean contact force.
+    """Sweeps until the unbalanced force (root mean square) is below `tolerance` times the mean contact force.
 
     Args:
         control: (3,) FIRE's step, mixing and number of sweeps since the last turn; kept between calls.
@@ -102,8 +100,8 @@ def _settle(places, velocity, force, radii, start, neighbour, lower, upper, skin
     for sweep in range(sweeps):
         overlaps, contacts = _push(force, places, radii, start, neighbour, lower, upper)
         mean = overlaps / max(contacts, 1)
-        power, strongest, fastest = _move(places, velocity, force, control[1], control[0])
-        if strongest <= (tolerance * mean) ** 2 or overlaps < tiny * places.shape[0]:
+        power, forces, fastest = _move(places, velocity, force, control[1], control[0])
+        if forces <= places.shape[0] * (tolerance * mean) ** 2 or overlaps < tiny * places.shape[0]:
             return sweep, mean, True
         if power > 0.0:
             control[2] += 1.0
@@ -161,7 +159,7 @@ class _Box:
     def jam(self) -> None:
         """Change the sizes until the discs are jammed with negligible overlap (O'Hern et al. 2003)."""
         change, jammed = 2e-3, False
-        overlap = self.settle(1e-1)
+        overlap = self.settle(3e-2)
         for _ in range(60):
             if overlap == 0.0:  # loose: back by half of the last change, and on by more where that was not enough
                 change *= 0.5 if jammed else 1.5
@@ -174,7 +172,7 @@ class _Box:
                 jammed = True
                 change = 0.35 * (overlap - 0.3 * OVERLAP)
                 self.radii *= 1.0 - change
-            overlap = self.settle(2e-2 if overlap > 1e-4 else 1e-2)
+            overlap = self.settle(1e-2 if overlap > 1e-5 else 2e-3)
         warnings.warn(f"packing: mean overlap {overlap:.1e} of the mean radius is left", stacklevel=3)
 
 

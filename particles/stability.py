@@ -52,8 +52,8 @@ def critical_step(soil: Assembly, sharp: bool = False, contact_range: float = 1e
 
     By default a rigorous bound from splitting each disc's mass over its contacts (each contact then is a small system of
     its own). `sharp` solves for the largest frequency of the sticking network (Lanczos), a step up to about 1.5 times
-    larger. Dashpots, which act on a predicted velocity, shorten the step by sqrt(1 + xi^2) - xi with the largest damping
-    ratio xi.
+    larger. Dashpots, which act on the predictor (M9), shorten the step by sqrt(1 + 4 xi^2) - 2 xi, xi the largest damping
+    ratio (one oscillator: the root -1 appears at (w h)^2 / 4 + 2 xi w h = 1).
 
     Args:
         sharp: solve the eigenvalue problem.
@@ -79,7 +79,7 @@ def critical_step(soil: Assembly, sharp: bool = False, contact_range: float = 1e
     if sharp:
         square = largest_eigenvalue(stiffness_matrix(soil, contact_range, walls=True), masses, inertias)
     frequency = np.sqrt(square)
-    ratio = 0.5 * rate / frequency
+    ratio = rate / frequency  # 2 xi
     return float(2.0 / frequency * (np.sqrt(1.0 + ratio**2) - ratio))
 
 
