@@ -46,7 +46,7 @@ def command(
     from bridge.output import prepare_folder
 
     folder = prepare_folder(Path(output))
-    options = {
+    options: dict[str, Any] = {
         "samples": samples, "frames": 0 if no_fields else frames, "figures": not no_figures, "growth_test": growth_test,
         "progress": not quiet,
     }  # fmt: skip

@@ -35,7 +35,7 @@ class _Foundation:
 
     soil: Any = None
     body: Any = None
-    ghosts: np.ndarray | None = None
+    ghosts: Any = None
 
     def __init__(self, p: Parameters, comm: Any = MPI.COMM_WORLD) -> None:
         self.p, self.comm = p, comm

@@ -47,12 +47,12 @@ def check(parameters: Any) -> None:
             raise ValueError(f"{field.name}={value} must be {rule}{unit}")
 
 
-def click_options(kind: type) -> Callable[[Any], Any]:
+def click_options(kind: type, without: tuple[str, ...] = ()) -> Callable[[Any], Any]:
     """Decorator that gives a click command one option a field, with unit and default in the help."""
     hints = get_type_hints(kind)
 
     def decorate(command: Any) -> Any:
-        for field in reversed(dataclasses.fields(kind)):
+        for field in reversed([one for one in dataclasses.fields(kind) if one.name not in without]):
             about, hint = field.metadata, hints[field.name]
             types = [part for part in get_args(hint) if part is not type(None)] or [hint]
             unit = f", {about['unit']}" if about["unit"] else ""

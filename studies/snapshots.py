@@ -66,9 +66,10 @@ def neighbourhood_average(positions: np.ndarray, radii: np.ndarray, values: np.n
     Returns:
         (n, columns); NaN where a circle holds nothing.
     """
-    from particles.measures import common_area
     from scipy import sparse
     from scipy.spatial import cKDTree
+
+    from particles.measures import common_area
 
     usable = np.isfinite(values).all(axis=1)
     weights = np.where(usable, common_area(0.0, radii, radius), 0.0)
