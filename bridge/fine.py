@@ -112,7 +112,7 @@ class FineScale:
             local.indptr.astype(np.int64), local.indices.astype(np.int64), local.data,
         )  # fmt: skip
         self._previous = np.zeros((len(rows), 3))
-        self._fitter: SymmetricSolver | None = None
+        self._fitters: list[SymmetricSolver] = []
 
     def linearise(self, stiffness: sparse.spmatrix | None) -> None:
         """Replace the contact law by -K q (K (3n, 3n) in id order), or bring the law back with None."""
@@ -185,12 +185,12 @@ class FineScale:
             return nodal
         projection = self.projection
         fitted = np.flatnonzero(self.covered & projection.supported)
-        if self._fitter is None:
-            self._fitter = [SymmetricSolver(self._gram(k)[fitted][:, fitted]) for k in (0, 2)]
+        if not self._fitters:
+            self._fitters = [SymmetricSolver(self._gram(k)[fitted][:, fitted]) for k in (0, 2)]
         nodal[self.covered] = 0.0
         right = projection.restrict(projection.weights * (values - projection.extend(nodal)))[fitted]
-        nodal[fitted, :2] = self._fitter[0].solve(right[:, :2])
-        nodal[fitted, 2:] = self._fitter[1].solve(right[:, 2:])
+        nodal[fitted, :2] = self._fitters[0].solve(right[:, :2])
+        nodal[fitted, 2:] = self._fitters[1].solve(right[:, 2:])
         return nodal
 
     # ---------------------------------------------------------------------------------------------------------- masses

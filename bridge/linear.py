@@ -33,7 +33,7 @@ class LinearSystem:
         self._bounds = np.cumsum([0, *self._body.comm.allgather(len(self._local()))])
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *exception) -> None:
         coupled, rule, system = self._coupled, self._rule, self._fine.soil.system
         self._fine.linearise(None)
         for name, value in self._attributes.items():
@@ -45,16 +45,13 @@ class LinearSystem:
         coupled.time, coupled.coarse_steps = self._clock
 
     def _arrays(self) -> list[tuple[NDArray, float]]:
-        body, system, scale = self._body, self._fine.soil.system, self._scale
+        body, system, time = self._body, self._fine.soil.system, self._scale
         state = system.state
-        motion = [(body.displacement, 1.0), (body.velocity, scale), (body.acceleration, scale * scale)]
-        motion += [
-            (state[:, :2], 1.0),
-            (state[:, 7:8], 1.0),
-            (state[:, 2:5], scale),
-            (system.acceleration, scale * scale),
-        ]
-        return motion + [(array, scale * scale) for array in self._rule.carried()]
+        motion: list[tuple[NDArray, float]] = [
+            (body.displacement, 1.0), (body.velocity, time), (body.acceleration, time * time),
+            (state[:, :2], 1.0), (state[:, 7:8], 1.0), (state[:, 2:5], time), (system.acceleration, time * time),
+        ]  # fmt: skip
+        return motion + [(array, time * time) for array in self._rule.carried()]
 
     def _side_arrays(self, system):
         return [system.sums, system.clock, system.force, *self._fine.own_arrays()]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
@@ -30,7 +32,8 @@ class SymmetricSolver:
             raise ValueError("a node without particle mass in the matrix: leave such nodes out")
         scaled = sparse.csc_matrix(sparse.diags(1.0 / scale) @ matrix @ sparse.diags(1.0 / scale))
         self._scale = scale[:, None]
-        self._factor = self._inverse = None
+        self._factor: Any = None
+        self._inverse: Array | None = None
         self.condition = self._estimate(scaled)
         if self.condition > CONDITION_LIMIT:
             self._inverse = scipy.linalg.pinvh(scaled.toarray(), rtol=1.0 / CONDITION_LIMIT)

@@ -70,6 +70,19 @@ class _Variant:
         change = np.where(which[:, None], nodal - self.exchange.gather(owned), 0.0)
         self.exchange.scatter(change, owned)
 
+    def place_covered(self, velocities: bool = False):
+        """Give covered nodes the projection of the particles, nodes with continuum mass held (collective)."""
+        fine, body = self.fine, self.body
+        pairs = [(body.displacement, fine.displacement())]
+        if velocities:
+            pairs.append((body.velocity, fine.velocity()))
+        for owned, values in pairs:
+            self.assign(owned, fine.fit_covered(values, self.exchange.gather(owned)), self.covered)
+
+    def advance(self) -> None:
+        """Take one coarse step (collective)."""
+        raise NotImplementedError
+
     def carried(self) -> list[np.ndarray]:
         """Arrays beyond the motion of nodes and particles that one coarse step hands to the next."""
         return []
@@ -148,15 +161,6 @@ class PaperVariant(_Variant):
         if self.resynchronise:
             self.place_covered(velocities=True)
 
-    def place_covered(self, velocities: bool = False):
-        """Give covered nodes the projection of the particles, nodes with continuum mass held (collective)."""
-        fine, body = self.fine, self.body
-        pairs = [(body.displacement, fine.displacement())]
-        if velocities:
-            pairs.append((body.velocity, fine.velocity()))
-        for owned, values in pairs:
-            self.assign(owned, fine.fit_covered(values, self.exchange.gather(owned)), self.covered)
-
 
 class ResyncVariant(PaperVariant):
     """As published but with F(q); covered nodes follow the projection of the particles after each coarse step."""
@@ -189,8 +193,6 @@ class RespaVariant(_Variant):
         velocity += 0.5 * step * body.acceleration
         velocity /= self.damper
         self._finish(increment, before, self.link)
-
-    place_covered = PaperVariant.place_covered
 
 
 class MultiplierVariant(_Variant):
@@ -233,8 +235,6 @@ class MultiplierVariant(_Variant):
         velocity[:] = end + correction
         acceleration[:] = free + (2.0 / step) * correction
         self._finish(increment, before, link)
-
-    place_covered = PaperVariant.place_covered
 
 
 VARIANTS = {"paper": PaperVariant, "resync": ResyncVariant, "respa": RespaVariant, "multiplier": MultiplierVariant}
