@@ -11,14 +11,28 @@ from particles import energies, motion, neighbours, network, stability, walls
 from particles.laws.li_chu import COLUMNS, LiChu, compile_law
 from particles.motion import Unstable
 from particles.system import (
-    ANGLE, INVERSE_MASS, RADIUS, SMALLEST_RADIUS, SPIN, TIME, TRAVEL, TRAVEL_LIMIT, VX, VY, Held, System, Terms, Walls, X,
+    ANGLE,
+    INVERSE_MASS,
+    RADIUS,
+    SMALLEST_RADIUS,
+    SPIN,
+    TIME,
+    TRAVEL,
+    TRAVEL_LIMIT,
+    VX,
+    VY,
+    Held,
+    System,
+    Terms,
+    Walls,
+    X,
     Y,
 )  # fmt: skip
 from particles.walls import Plate
 
 SKIN = 0.12  # default skin as a share of the mean radius
-_PLACES = [X, Y, ANGLE]
-_RATES = [VX, VY, SPIN]
+_PLACES = np.array([X, Y, ANGLE])
+_RATES = np.array([VX, VY, SPIN])
 
 
 def _finite(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:

@@ -7,7 +7,7 @@ import math
 from numba import njit
 
 from particles.laws.li_chu import law_of, release, respond
-from particles.system import FAST
+from particles.system import FAST, POWER
 
 
 @njit(cache=True, fastmath=FAST)
@@ -37,6 +37,7 @@ def pair_forces(force, history, sums, state, acceleration, start, neighbour, mat
     which just touch carry nothing, whatever the rounding.
     """
     half = 0.5 * step
+    power = 0.0
     for i in range(state.shape[0]):
         x = state[i, 0]
         y = state[i, 1]
@@ -44,6 +45,10 @@ def pair_forces(force, history, sums, state, acceleration, start, neighbour, mat
         vy = state[i, 3]
         spin = state[i, 4]
         radius = state[i, 5]
+        # velocity of the predictor at the end of the step
+        end_x = vx + half * acceleration[i, 0]
+        end_y = vy + half * acceleration[i, 1]
+        rate_i = spin + half * acceleration[i, 2]
         fx = 0.0
         fy = 0.0
         torque = 0.0
@@ -74,16 +79,15 @@ def pair_forces(force, history, sums, state, acceleration, start, neighbour, mat
                 slide = mean_i * (turn - step * spin) + mean_j * (turn - step * spin_j)
                 rolling_radius = arm_i * arm_j * inverse
                 mean_radius = mean_i * mean_j * inverse * (1.0 + opening * inverse)
-                # rates of the predictor
-                rx = state[j, 2] - vx + half * (acceleration[j, 0] - acceleration[i, 0])
-                ry = state[j, 3] - vy + half * (acceleration[j, 1] - acceleration[i, 1])
-                rate_i = spin + half * acceleration[i, 2]
+                rx = state[j, 2] + half * acceleration[j, 0] - end_x
+                ry = state[j, 3] + half * acceleration[j, 1] - end_y
                 rate_j = spin_j + half * acceleration[j, 2]
                 slide_rate = ry * nx - rx * ny - arm_i * rate_i - arm_j * rate_j
-                normal, shear, couple = respond(
+                normal, shear, couple, taken = respond(
                     _law_between(law, table, material, i, j), history, pair, overlap, rx * nx + ry * ny,
                     slide, slide_rate, mean_radius, rolling_radius, step * (spin - spin_j), rate_i - rate_j, sums,
                 )  # fmt: skip
+                power += taken
                 px = -normal * nx - shear * ny
                 py = -normal * ny + shear * nx
                 fx += px
@@ -97,3 +101,4 @@ def pair_forces(force, history, sums, state, acceleration, start, neighbour, mat
         force[i, 0] += fx
         force[i, 1] += fy
         force[i, 2] += torque
+    sums[POWER] += power

@@ -21,8 +21,20 @@ from numba import njit
 from particles.contacts import pair_forces
 from particles.neighbours import largest_distance
 from particles.system import (
-    EXTERNAL, FAST, GRAVITY, HELD, LOCAL_DAMPING, MASS_DAMPING, PLATE_UX, PLATE_UY, POWER, SMALLEST_RADIUS, TIME, TRAVEL,
-    TRAVEL_LIMIT, VISCOUS,
+    EXTERNAL,
+    FAST,
+    GRAVITY,
+    HELD,
+    LOCAL_DAMPING,
+    MASS_DAMPING,
+    PLATE_UX,
+    PLATE_UY,
+    POWER,
+    SMALLEST_RADIUS,
+    TIME,
+    TRAVEL,
+    TRAVEL_LIMIT,
+    VISCOUS,
 )  # fmt: skip
 from particles.walls import move_plates, wall_forces
 
@@ -46,29 +58,40 @@ def _damped(force, inverse_mass, velocity, mass_damping, local_damping, step):
     return (total - mass_damping * velocity) / (1.0 + 0.5 * mass_damping * step)
 
 
-@njit(cache=True)
-def _damping_work(force, velocity_before, velocity, velocity_other, mass, mass_damping, local_damping, sums, weight):
-    """Book the work of both dampings over `weight` (s) at one time level, for one component."""
-    if mass_damping is not None:
-        sums[MASS_DAMPING] += weight * mass_damping * mass * velocity * velocity_other
-    if local_damping is not None:
-        sums[LOCAL_DAMPING] += weight * local_damping * abs(force) * np.sign(velocity_before) * velocity_other
+@njit(cache=True, fastmath={"contract", "arcp", "nsz"})
+def _mass_loss(mass_damping, mass, inertia, vx, vy, spin, wx, wy, wz):
+    """Power of mass damping at one level (W): c v M w, v there and w the mean velocity around it."""
+    if mass_damping is None:
+        return 0.0
+    return mass_damping * (mass * (vx * wx + vy * wy) + inertia * spin * wz)
+
+
+@njit(cache=True, fastmath={"contract", "arcp", "nsz"})
+def _local_loss(local_damping, force, i, bx, by, bz, wx, wy, wz):
+    """Power of local damping at one level (W): alpha |F| sgn(v before) w."""
+    if local_damping is None:
+        return 0.0
+    total = abs(force[i, 0]) * np.sign(bx) * wx + abs(force[i, 1]) * np.sign(by) * wy
+    return local_damping * (total + abs(force[i, 2]) * np.sign(bz) * wz)
 
 
 @njit(cache=True, fastmath={"contract", "arcp", "nsz"})
 def _drift(state, acceleration, force, sums, gravity, external, mass_damping, local_damping, step):
     fastest = 0.0
+    mass_loss = 0.0
+    local_loss = 0.0
     half = 0.5 * step
     for i in range(state.shape[0]):
-        inverse_mass = state[i, 6]
-        mass = 1.0 / inverse_mass
+        mass = 1.0 / state[i, 6]
         inertia = 0.5 * mass * state[i, 5] * state[i, 5]
-        vx = state[i, 2] + half * acceleration[i, 0]
-        vy = state[i, 3] + half * acceleration[i, 1]
-        spin = state[i, 4] + half * acceleration[i, 2]
-        _damping_work(force[i, 0], state[i, 2], state[i, 2], vx, mass, mass_damping, local_damping, sums, half)
-        _damping_work(force[i, 1], state[i, 3], state[i, 3], vy, mass, mass_damping, local_damping, sums, half)
-        _damping_work(force[i, 2], state[i, 4], state[i, 4], spin, inertia, mass_damping, local_damping, sums, half)
+        bx = state[i, 2]
+        by = state[i, 3]
+        bz = state[i, 4]
+        vx = bx + half * acceleration[i, 0]
+        vy = by + half * acceleration[i, 1]
+        spin = bz + half * acceleration[i, 2]
+        mass_loss += _mass_loss(mass_damping, mass, inertia, bx, by, bz, vx, vy, spin)
+        local_loss += _local_loss(local_damping, force, i, bx, by, bz, vx, vy, spin)
         _load_work(sums, i, vx, vy, spin, mass, gravity, external, step)
         state[i, 0] += step * vx
         state[i, 1] += step * vy
@@ -77,6 +100,8 @@ def _drift(state, acceleration, force, sums, gravity, external, mass_damping, lo
         state[i, 3] = vy
         state[i, 4] = spin
         fastest = max(fastest, vx * vx + vy * vy)
+    sums[MASS_DAMPING] += half * mass_loss
+    sums[LOCAL_DAMPING] += half * local_loss
     return fastest
 
 
@@ -93,6 +118,8 @@ def _load_work(sums, i, vx, vy, spin, mass, gravity, external, step):
 def _kick(state, acceleration, force, sums, gravity, external, mass_damping, local_damping, step, move):
     """New accelerations; velocities to the end of the step, or (move = 1) on to the middle of the next, and drift."""
     fastest = 0.0
+    mass_loss = 0.0
+    local_loss = 0.0
     half = 0.5 * step
     onward = half + move * half
     moved = move * step
@@ -110,10 +137,16 @@ def _kick(state, acceleration, force, sums, gravity, external, mass_damping, loc
         acceleration[i, 0] = ax
         acceleration[i, 1] = ay
         acceleration[i, 2] = az
-        _book(
-            force, i, vx, vy, spin, vx + half * ax, vy + half * ay, spin + half * az, inverse_mass, radius,
-            mass_damping, local_damping, sums, weight, move,
-        )  # fmt: skip
+        mass = 1.0 / inverse_mass
+        ex = vx + half * ax
+        ey = vy + half * ay
+        ez = spin + half * az
+        # the mean velocity around this level: its own, or at the end of a run that of the half step before
+        wx = ex if move == 1 else vx
+        wy = ey if move == 1 else vy
+        wz = ez if move == 1 else spin
+        mass_loss += _mass_loss(mass_damping, mass, 0.5 * mass * radius * radius, ex, ey, ez, wx, wy, wz)
+        local_loss += _local_loss(local_damping, force, i, vx, vy, spin, wx, wy, wz)
         vx += onward * ax
         vy += onward * ay
         spin += onward * az
@@ -124,20 +157,11 @@ def _kick(state, acceleration, force, sums, gravity, external, mass_damping, loc
         state[i, 1] += moved * vy
         state[i, 7] += moved * spin
         if move == 1:
-            _load_work(sums, i, vx, vy, spin, 1.0 / inverse_mass, gravity, external, step)
+            _load_work(sums, i, vx, vy, spin, mass, gravity, external, step)
         fastest = max(fastest, vx * vx + vy * vy)
+    sums[MASS_DAMPING] += weight * mass_loss
+    sums[LOCAL_DAMPING] += weight * local_loss
     return fastest
-
-
-@njit(cache=True, fastmath={"contract", "arcp", "nsz"})
-def _book(force, i, bx, by, bz, vx, vy, vz, inverse_mass, radius, mass_damping, local_damping, sums, weight, move):
-    """Book the damping work at the present level: against the mean of the two half-step velocities, or the one before."""
-    mass = 1.0 / inverse_mass
-    inertia = 0.5 * mass * radius * radius
-    ox, oy, oz = (vx, vy, vz) if move == 1 else (bx, by, bz)
-    _damping_work(force[i, 0], bx, vx, ox, mass, mass_damping, local_damping, sums, weight)
-    _damping_work(force[i, 1], by, vy, oy, mass, mass_damping, local_damping, sums, weight)
-    _damping_work(force[i, 2], bz, vz, oz, inertia, mass_damping, local_damping, sums, weight)
 
 
 @njit(cache=True)

@@ -116,7 +116,7 @@ def _wall_contacts(soil: Assembly, contact_range: float) -> Contacts:
 def _assemble(soil, first, second, plate, normal, overlap, first_arm, second_arm, history, constants) -> Contacts:
     normal_force = np.maximum(0.0, constants[:, 0] * overlap)
     tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
-    along = history[:, 0].copy()
+    along = history[:, 0]
     couple = -history[:, 2]
     empty = np.zeros(first.size)
     found = Contacts(
@@ -126,7 +126,7 @@ def _assemble(soil, first, second, plate, normal, overlap, first_arm, second_arm
     if soil._law.literal is None:
         couple = couple - rolling_radius(found) * history[:, 1]
     else:
-        along -= history[:, 1]
+        along = along - history[:, 1]
     force = along[:, None] * tangent - normal_force[:, None] * normal
     return found._replace(force=force, moment=couple)
 

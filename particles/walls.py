@@ -12,8 +12,21 @@ from numba import njit
 from particles.contacts import turn_of
 from particles.laws.li_chu import LiChu, law_of, release, respond
 from particles.system import (
-    FAST, PLATE_DX, PLATE_DY, PLATE_FX, PLATE_FY, PLATE_MOMENT, PLATE_UX, PLATE_UY, PLATE_VX, PLATE_VY, PLATE_WORK,
-    PLATE_X, PLATE_Y, WALLS,
+    FAST,
+    PLATE_DX,
+    PLATE_DY,
+    PLATE_FX,
+    PLATE_FY,
+    PLATE_MOMENT,
+    PLATE_UX,
+    PLATE_UY,
+    PLATE_VX,
+    PLATE_VY,
+    PLATE_WORK,
+    PLATE_X,
+    PLATE_Y,
+    POWER,
+    WALLS,
 )  # fmt: skip
 
 Velocity = Sequence[float] | np.ndarray | Callable[[float], Sequence[float]]
@@ -233,10 +246,11 @@ def wall_forces(force, sums, state, acceleration, material, law, walls, step):
         rx = plates[k, PLATE_VX] - state[i, 2] - half * acceleration[i, 0]
         ry = plates[k, PLATE_VY] - state[i, 3] - half * acceleration[i, 1]
         rate = state[i, 4] + half * acceleration[i, 2]
-        normal, shear, couple = respond(
+        normal, shear, couple, taken = respond(
             laws, walls.history, contact, overlap, rx * nx + ry * ny,
             slide, ry * nx - rx * ny - distance * rate, mean, distance, roll, rate, sums,
         )  # fmt: skip
+        sums[POWER] += taken
         px = -normal * nx - shear * ny
         py = -normal * ny + shear * nx
         force[i, 0] += px

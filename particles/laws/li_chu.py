@@ -7,13 +7,13 @@ is its history. The kernels here know one contact and nothing of lists.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from particles.system import FAST, FRICTION_MOMENT, FRICTION_ROLLING, FRICTION_SLIDING, LOSS, POWER
+from particles.system import FAST, FRICTION_MOMENT, FRICTION_ROLLING, FRICTION_SLIDING, LOSS
 
 COLUMNS = 12  # of a row of constants: see LiChu.row
 
@@ -62,11 +62,12 @@ class LiChu:
 
     def without_friction(self) -> LiChu:
         """The same normal contact without sliding and rolling resistance (smooth wall)."""
-        return replace(
-            self,
-            **{f"{channel}_{kind}": 0.0 for channel in ("sliding", "rolling", "moment")
-               for kind in ("stiffness", "damping", "friction")},
-        )  # fmt: skip
+        return LiChu(
+            self.normal_stiffness,
+            normal_damping=self.normal_damping,
+            rolling_length=self.rolling_length,
+            rolling_force=self.rolling_force,
+        )
 
     def row(self) -> np.ndarray:
         """The constants as a row: normal k, c; then k, friction, c of sliding, rolling, moment; rolling length factor."""
@@ -148,19 +149,18 @@ def law_of(template, row):
 
 
 @njit(cache=True, fastmath=FAST)
-def _normal(stiffness, damping, overlap, opening_rate, sums):
-    """Normal force F = max(0, k overlap - c opening_rate), N; books the dashpot's power."""
-    if damping is None:
-        return max(0.0, stiffness * overlap)
+def _normal(stiffness, damping, overlap, opening_rate):
+    """Normal force F = max(0, k overlap - c opening_rate), N, and the power that the dashpot takes, W."""
     spring = stiffness * overlap
+    if damping is None:
+        return max(0.0, spring), 0.0
     total = max(0.0, spring - damping * opening_rate)
-    sums[POWER] += (spring - total) * opening_rate
-    return total
+    return total, (spring - total) * opening_rate
 
 
 @njit(cache=True, fastmath=FAST)
 def _limited(stiffness, friction, damping, history, contact, column, increment, rate, normal, sums, item):
-    """One channel: trial, return to the Coulomb limit, dashpot below the limit; books slip work and dashpot power."""
+    """One channel: trial, return to the Coulomb limit (slip work booked), dashpot below it; value and dashpot power."""
     limit = friction * normal
     old = history[contact, column]
     trial = old + stiffness * increment
@@ -168,13 +168,12 @@ def _limited(stiffness, friction, damping, history, contact, column, increment, 
         new = limit if trial > 0.0 else -limit
         history[contact, column] = new
         sums[item] += 0.5 * (old + new) * (trial - new) / stiffness
-        return new
+        return new, 0.0
     history[contact, column] = trial
     if damping is None:
-        return trial
+        return trial, 0.0
     total = min(max(trial + damping * rate, -limit), limit)
-    sums[POWER] += (total - trial) * rate
-    return total
+    return total, (total - trial) * rate
 
 
 @njit(cache=True, fastmath=FAST)
@@ -182,39 +181,43 @@ def _respond(
     stiffness, damping, sliding, rolling, moment, literal,
     history, contact, overlap, opening_rate, slide, slide_rate, mean_radius, radius, roll, roll_rate, sums,
 ):  # fmt: skip
-    normal = _normal(stiffness, damping, overlap, opening_rate, sums)
+    normal, power = _normal(stiffness, damping, overlap, opening_rate)
     shear = 0.0
     couple = 0.0
     column = 0
     if sliding is not None:
-        shear = _limited(
+        shear, taken = _limited(
             sliding.stiffness, sliding.friction, sliding.damping,
             history, contact, column, slide, slide_rate, normal, sums, FRICTION_SLIDING,
         )  # fmt: skip
+        power += taken
         column += 1
     if rolling is not None:
-        force = _limited(
+        force, taken = _limited(
             rolling.stiffness, rolling.friction, rolling.damping,
             history, contact, column, mean_radius * roll, radius * roll_rate, normal, sums, FRICTION_ROLLING,
         )  # fmt: skip
+        power += taken
         column += 1
         if literal is None:
             couple += radius * force
         else:
             shear -= force
     if moment is not None:
-        couple += _limited(
+        value, taken = _limited(
             moment.stiffness, moment.friction, moment.damping,
             history, contact, column, roll, roll_rate, normal, sums, FRICTION_MOMENT,
         )  # fmt: skip
-    return normal, shear, couple
+        couple += value
+        power += taken
+    return normal, shear, couple, power
 
 
 @njit(cache=True, fastmath=FAST)
 def respond(
     law, history, contact, overlap, opening_rate, slide, slide_rate, mean_radius, radius, roll, roll_rate, sums
 ):
-    """Normal force, force along t on i and couple on j of a touching pair (N, N, N m); history and sums updated.
+    """Normal force, force along t on i, couple on j and dashpot power of a touching pair (N, N, N m, W).
 
     Args:
         law: `Law`.
@@ -223,7 +226,7 @@ def respond(
         slide, slide_rate: tangential displacement increment of the step (m) and rate (m/s) of j against i.
         mean_radius, radius: rolling radius, mean over the step and at its end (m).
         roll, roll_rate: relative rotation increment (rad) and rate (rad/s) of i against j.
-        sums: energy sums (see `particles.system`).
+        sums: energy sums (see `particles.system`); slip work is added, as is the new state to `history`.
     """
     return _respond(
         law.stiffness, law.damping, law.sliding, law.rolling, law.moment, law.literal,

@@ -1,6 +1,7 @@
 """Small scenes that several tests of the particles share."""
 
 import numpy as np
+
 from particles import Assembly, LiChu
 
 PAPER = LiChu(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from particles import Assembly, LiChu, Plate
 from tests.particles.scenes import PAPER, cloud
 

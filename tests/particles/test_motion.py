@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from particles import Assembly, LiChu, Plate, Unstable
 from tests.particles.scenes import ALL, PAPER, cloud, square_lattice
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from particles import Assembly, LiChu
 from tests.particles import naive
 from tests.particles.scenes import ALL, PAPER, cloud, hexagonal_lattice

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from particles import Assembly, LiChu
 from particles.measures import coordination
 from particles.packing import random_dense

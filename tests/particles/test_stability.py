@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from particles import Assembly, LiChu, Plate
 from particles.measures import moduli
 from particles.packing import random_dense

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from particles import Assembly, LiChu, Plate
 from particles.walls import closest_point
 from tests.particles.scenes import ALL, PAPER
