@@ -40,6 +40,13 @@ def prepare_folder(path: str | os.PathLike, comm: Any = MPI.COMM_WORLD) -> Path:
     return on_root(comm, make)
 
 
+def clear(folder: Path) -> None:
+    """Remove what an earlier run left in a folder, so that no old file passes for a new one."""
+    for pattern in ("summary.json", "history.csv", "*.png", "fields/*.vtu", "fields/*.pvd"):
+        for old in folder.glob(pattern):
+            old.unlink()
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file in one go: others see the old content or all of the new."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
@@ -106,8 +113,6 @@ class Series:
     def __init__(self, folder: Path, name: str) -> None:
         self._folder, self._name = folder, name
         folder.mkdir(parents=True, exist_ok=True)
-        for old in folder.glob(f"{name}_[0-9][0-9][0-9][0-9].vtu"):
-            old.unlink()
         self._root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
         self._collection = ElementTree.SubElement(self._root, "Collection")
 

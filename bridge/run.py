@@ -43,7 +43,6 @@ class Stopwatch:
     def __init__(self) -> None:
         self.seconds = dict.fromkeys(PHASES, 0.0)
         self.parts: dict[str, float] = {}
-        self._begin = time.perf_counter()
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
@@ -74,11 +73,6 @@ class Stopwatch:
                 self.parts[name] += time.perf_counter() - start - sum(compiled)
 
         return timed
-
-    @property
-    def total(self) -> float:
-        """Seconds since the stopwatch was made."""
-        return time.perf_counter() - self._begin
 
 
 @dataclass

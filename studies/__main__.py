@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+import traceback
 
 import click
 
@@ -53,7 +54,19 @@ def main() -> None:
     except (KeyboardInterrupt, click.Abort):
         click.echo("Interrupted.", err=True)
         status = 130
+    except Exception:
+        _end_all_ranks()
+        raise
     sys.exit(status or 0)
+
+
+def _end_all_ranks() -> None:
+    """After a programming error on one of several ranks, which would leave the others waiting: show it and end the run."""
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size > 1:
+        traceback.print_exc()
+        MPI.COMM_WORLD.Abort(1)
 
 
 def _refuse(sentence: str) -> int:
@@ -62,6 +75,7 @@ def _refuse(sentence: str) -> int:
 
     if MPI.COMM_WORLD.rank == 0:
         click.echo("Error: " + " ".join(sentence.split()), err=True)
+    MPI.COMM_WORLD.Barrier()  # mpirun ends the others as soon as one rank leaves with an error
     return USAGE_ERROR
 
 

@@ -43,13 +43,15 @@ hold for every run; the settings come on top.
 
 
 @click.command("accuracy", help=HELP, context_settings={"max_content_width": 118})
-@click.argument("study", type=click.Choice(["foundation"]))
+@click.argument("study", metavar="STUDY", type=click.Choice(["foundation"]))
 @click_options(Parameters, without=("method",))
 @click.option(
     "--settings", default=None, metavar="FILE", help="JSON list of settings, for instance [{\"region\": \"8x4\", \"substeps\": 2}]."
 )  # fmt: skip
 @click.option("--full", is_flag=True, help=f"A longer list of settings ({len(LONG)} instead of {len(SHORT)}).")
-@click.option("--output", default="out/accuracy", metavar="FOLDER", help="Folder for the results.  [default: out/accuracy]")
+@click.option(
+    "--output", default="out/accuracy", metavar="FOLDER", help="Folder for the results.  [default: out/accuracy]"
+)
 @click.option("--quiet", is_flag=True, help="No progress and no table on standard output.")
 def command(study: str, settings: str | None, full: bool, output: str, quiet: bool, **values: Any) -> int:
     """Check every setting, run the reference and all of them; returns the exit status."""
@@ -63,7 +65,7 @@ def command(study: str, settings: str | None, full: bool, output: str, quiet: bo
 
     from bridge import accuracy
     from bridge.output import prepare_folder, write_json, write_text
-    from studies.foundation_run import carry_out
+    from studies.foundation_run import carry_out, set_up
 
     comm = MPI.COMM_WORLD
     folder = prepare_folder(Path(output))
@@ -78,7 +80,7 @@ def command(study: str, settings: str | None, full: bool, output: str, quiet: bo
     for number, (setting, p) in enumerate([({}, base), *zip(chosen, cases)]):
         name = "particles everywhere" if reference is None else label(setting)
         try:
-            done = carry_out(p, samples=SAMPLES, frames=0, figures=False, progress=not quiet)
+            done = carry_out(set_up(p), samples=SAMPLES, frames=0, figures=False, progress=not quiet)
         except ValueError as refused:  # steps that do not fit are known only when the scene is there
             say(f"Warning: setting {name} is left out: {refused}")
             continue
@@ -135,7 +137,9 @@ def _case(base: Parameters, setting: dict[str, Any]) -> Parameters:
     known = {field.name: field for field in dataclasses.fields(Parameters)}
     for name in setting:
         if name not in known or name == "method":
-            raise ValueError(f"setting {name}={setting[name]} is unknown; known are {', '.join(sorted(set(known) - {'method'}))}")
+            raise ValueError(
+                f"setting {name}={setting[name]} is unknown; known are {', '.join(sorted(set(known) - {'method'}))}"
+            )
     try:
         return dataclasses.replace(base, method="bridging", **setting)
     except TypeError:

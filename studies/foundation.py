@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,9 @@ class Parameters:
     )  # fmt: skip
     seed: int = parameter(1, "Seed of the random packing C.", "", NOT_NEGATIVE)
     region: str = parameter("6x3", "Width x depth of the particles' region under the plate.", "m x m")
-    mesh: str = parameter("structured", "Mesh of the continuum: structured, graded (gmsh), or a .msh file of 18 m x 9 m.")
+    mesh: str = parameter(
+        "structured", "Mesh of the continuum: structured, graded (gmsh), or a .msh file of 18 m x 9 m."
+    )
     element_size: float = parameter(1.0, "Size of the elements (graded: far from the plate).", "m", POSITIVE)
     moduli: str = parameter(
         "packing", "Elastic moduli of the continuum: of the packing's contacts, or as printed in the paper.",
@@ -88,8 +91,14 @@ class Parameters:
         if self.radius is not None:
             if self.assembly == "C":
                 raise ValueError(f"radius={self.radius} is for lattices; assembly C has radii of 0.02 to 0.05 m")
-            if self.radius > 0.5:
-                raise ValueError(f"radius={self.radius} must be at most 0.5 m, a quarter of the default plate's width")
+            if not 0.005 <= self.radius <= 0.5:
+                raise ValueError(f"radius={self.radius} must lie between 0.005 and 0.5 m")
+        if not 0.05 <= self.element_size <= DEPTH:
+            raise ValueError(f"element_size={self.element_size} must lie between 0.05 and {DEPTH:g} m")
+        if self.mesh not in ("structured", "graded") and not Path(self.mesh).is_file():
+            raise ValueError(f"mesh={self.mesh} must be structured, graded or an existing .msh file")
+        if self.mesh == "graded" and self.plate_position != 0.5 * WIDTH:
+            raise ValueError(f"plate_position={self.plate_position} must be {0.5 * WIDTH:g} m with mesh=graded")
         if self.method != "bridging":
             return
         left = self.plate_position - 0.5 * width
@@ -232,7 +241,7 @@ def domain(p: Parameters) -> Any:
         cells = tuple(round(side / p.element_size) for side in (WIDTH, DEPTH))
         if min(cells) < 1 or max(abs(n * p.element_size - side) for n, side in zip(cells, (WIDTH, DEPTH))) > 1e-9:
             raise ValueError(f"element_size={p.element_size} must divide {WIDTH:g} m and {DEPTH:g} m (structured mesh)")
-        return domains.rectangle((0.0, 0.0), (WIDTH, DEPTH), cells=cells, plate=p.plate_width)
+        return domains.rectangle((0.0, 0.0), (WIDTH, DEPTH), cells=cells)
     if p.mesh == "graded":
         left = p.plate_position - 0.5 * width
         inner = Box((left, DEPTH - depth), (left + width, DEPTH)) if p.method == "bridging" else None

@@ -24,9 +24,17 @@ the peak the load depends on both, and on any perturbation, by about 30 per cent
 @click_options(Parameters)
 @click.option("--compare", is_flag=True, help="Run all three methods and compare them with the paper's table 2.")
 @click.option("--growth-test", is_flag=True, help="Before a bridging run, test whether the scheme grows (5 to 30 s).")
-@click.option("--output", default="out/foundation", metavar="FOLDER", help="Folder for the results.  [default: out/foundation]")
+@click.option(
+    "--output", default="out/foundation", metavar="FOLDER", help="Folder for the results.  [default: out/foundation]"
+)
 @click.option("--samples", default=120, type=int, metavar="-", help="Rows of history.csv.  [default: 120]")
-@click.option("--frames", default=8, type=int, metavar="-", help="Times of the field files, beside the paper's states.  [default: 8]")
+@click.option(
+    "--frames",
+    default=8,
+    type=int,
+    metavar="-",
+    help="Times of the field files, beside the paper's states.  [default: 8]",
+)
 @click.option("--no-fields", is_flag=True, help="Write no field files.")
 @click.option("--no-figures", is_flag=True, help="Draw no figures.")
 @click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
@@ -47,20 +55,19 @@ def command(
 
     folder = prepare_folder(Path(output))
     options: dict[str, Any] = {
-        "samples": samples, "frames": 0 if no_fields else frames, "figures": not no_figures, "growth_test": growth_test,
-        "progress": not quiet,
+        "samples": samples, "frames": 0 if no_fields else frames, "figures": not no_figures, "progress": not quiet
     }  # fmt: skip
     if compare:
         from studies.foundation_compare import compare_methods
 
-        return compare_methods(parameters, folder, options, quiet)
+        return compare_methods(parameters, folder, options, growth_test, quiet)
 
     from mpi4py import MPI
 
     from studies.foundation_report import report
-    from studies.foundation_run import carry_out
+    from studies.foundation_run import carry_out, set_up
 
-    done = carry_out(parameters, folder, **options)
+    done = carry_out(set_up(parameters, growth_test), folder, **options)
     if not done.outcome.stable:
         raise click.exceptions.Exit(unstable(done.outcome.message))
     if not quiet and MPI.COMM_WORLD.rank == 0:
@@ -74,4 +81,5 @@ def unstable(message: str) -> int:
 
     if MPI.COMM_WORLD.rank == 0:
         click.echo(f"Error: {message}", err=True)
+    MPI.COMM_WORLD.Barrier()
     return 3

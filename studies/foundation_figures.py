@@ -50,7 +50,9 @@ def draw_comparison(runs: list[Finished], folder: Path) -> None:
     """Figures that set the methods beside each other (figures 11 and 12)."""
     load_displacement(runs, folder / "load_displacement.png")
     for name in FIELDS:
-        state_figure(runs, [run.snapshots[-1] for run in runs], name, folder / f"{name}.png", _near(runs[0]), share=True)
+        state_figure(
+            runs, [run.snapshots[-1] for run in runs], name, folder / f"{name}.png", _near(runs[0]), share=True
+        )
 
 
 def paper_states(done: Finished) -> list[Snapshot]:
@@ -114,7 +116,9 @@ def paint(ax: Any, run: Finished, state: Snapshot, name: str, scale: tuple[float
     field = FIELDS[name]
     shown = None
     if state.continuum is not None:
-        shown = drawing.cells(ax, state.continuum, field.factor * state.continuum.cell_fields[name], scale, field.colours)
+        shown = drawing.cells(
+            ax, state.continuum, field.factor * state.continuum.cell_fields[name], scale, field.colours
+        )
     if state.particles is not None:
         shown = drawing.discs(ax, state.particles, field.factor * getattr(state.particles, name), scale, field.colours)
     _plate(ax, run, state)

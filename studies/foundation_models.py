@@ -20,7 +20,17 @@ from studies.snapshots import Snapshot, continuum_fields, particle_fields
 
 UNSTABLE = 3  # exit status
 COARSE_RATIO = 0.5  # default coarse step as a share of the continuum's critical step
-TERMS = ("external_work", "kinetic", "elastic", "strain", "friction", "viscous", "contact_loss", "mass_damping", "interface")
+TERMS = (
+    "external_work",
+    "kinetic",
+    "elastic",
+    "strain",
+    "friction",
+    "viscous",
+    "contact_loss",
+    "mass_damping",
+    "interface",
+)
 
 
 class _Foundation:
@@ -98,7 +108,9 @@ class ParticleFoundation(_Foundation):
         self._plan(self._fine_step(critical), critical)
         self.step_sizes = {"fine": self.step, "fine_critical": critical}
         self.counts = {"particles": on_root(comm, lambda: self.soil.count), "fine_steps": self.steps}
-        self._advance = stopwatch.part("particles", lambda steps: self.soil.advance(steps, self.step, mass_damping=p.damping))
+        self._advance = stopwatch.part(
+            "particles", lambda steps: self.soil.advance(steps, self.step, mass_damping=p.damping)
+        )
 
     def advance(self, steps: int) -> None:
         """Take steps of the particles."""
@@ -151,7 +163,9 @@ class ContinuumFoundation(_Foundation):
 
     def energies(self) -> dict[str, float]:
         e = self.body.energies()
-        return _complete({name: e[name] for name in ("external_work", "kinetic", "strain", "mass_damping")}, e["balance"])
+        return _complete(
+            {name: e[name] for name in ("external_work", "kinetic", "strain", "mass_damping")}, e["balance"]
+        )
 
 
 class BridgedFoundation(_Foundation):
@@ -319,4 +333,3 @@ def _raise_together(comm: Any, work: Callable[[], None]) -> None:
     message = comm.bcast(message, root=0)
     if message is not None:
         raise Unstable(message)
-

@@ -61,65 +61,80 @@ def frame_steps(p: Parameters, step: float, steps: int, frames: int) -> list[int
     return sorted(set(np.clip(np.round(places / (p.speed * step)), 0, steps).astype(int).tolist()))
 
 
+@dataclass
+class Prepared:
+    """A model that is ready to run."""
+
+    parameters: Parameters
+    model: Any
+    watch: Stopwatch
+    heard: list[str]  # warnings of the set-up
+    growth: Any = None  # result of the growth test
+
+
+def set_up(p: Parameters, growth_test: bool = False, comm: Any = MPI.COMM_WORLD) -> Prepared:
+    """Make the model, and on request test whether the bridging scheme grows (collective); warnings go to standard error.
+
+    Raises:
+        ValueError: parameters that do not go together.
+    """
+    watch = Stopwatch()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        with watch.phase("setup"):
+            model = MODELS[p.method](p, watch, comm)
+            growth = model.grows() if growth_test and p.method == "bridging" else None
+    heard = [str(w.message) for w in caught if w.category is UserWarning]
+    if comm.rank == 0:
+        for words in heard:
+            print(f"Warning: {words}", file=sys.stderr)
+    return Prepared(p, model, watch, heard, growth)
+
+
 def carry_out(
-    p: Parameters,
+    prepared: Prepared,
     folder: Path | None = None,
     *,
     samples: int = 120,
     frames: int = 8,
     figures: bool = True,
-    growth_test: bool = False,
     progress: bool = True,
-    comm: Any = MPI.COMM_WORLD,
 ) -> Finished:
-    """Set up, run and write (collective).
+    """Run a model and write what it leaves behind (collective).
 
     Args:
-        p: Parameters.
+        prepared: By `set_up`.
         folder: Output folder, made by `bridge.output.prepare_folder`; None writes nothing.
         samples: Rows of the history.
         frames: Times of the field files, beside the paper's states; 0 writes no fields.
         figures: Whether pictures are drawn.
-        growth_test: Run the growth test before a bridging run.
         progress: Show a bar on terminals.
-
-    Raises:
-        ValueError: parameters that do not go together; before any step is taken.
     """
-    watch = Stopwatch()
+    p, model, watch = prepared.parameters, prepared.model, prepared.watch
     snapshots: list[Snapshot] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        with watch.phase("setup"):
-            model = MODELS[p.method](p, watch, comm)
-            growth = model.grows() if growth_test and p.method == "bridging" else None
-        heard = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
-    if comm.rank == 0:
-        for words in heard:
-            print(f"Warning: {words}", file=sys.stderr)
-    writes = folder if comm.rank == 0 else None
+    root = model.comm.rank == 0
+    writes = folder if root else None
+    if writes is not None:
+        output.clear(writes)
     history = output.HistoryFile(writes / "history.csv") if writes else None
     series = FieldSeries(writes / "fields") if writes and frames else None
 
     def on_frame() -> None:
         snapshot = model.snapshot()
-        if comm.rank == 0:
+        if root:
             snapshots.append(snapshot)
         if series is not None:
             series.write(snapshot)
 
-    def summary(outcome: Outcome, alone: bool = False) -> dict[str, Any]:
-        energy = {} if alone else model.energies()
-        content = summarise(p, model, outcome, snapshots, watch, energy, heard)
-        if growth is not None:
-            content["growth_rate"] = {"value": growth.rate, "unit": "1/s"}
+    def summary(outcome: Outcome, energy: dict[str, float]) -> dict[str, Any]:
+        content = summarise(prepared, outcome, snapshots, energy)
         if writes is not None:
             output.write_json(writes / "summary.json", content)
         return content
 
     def last_words(message: str) -> None:
-        if comm.rank == 0:
-            summary(Outcome(model.coupled.coarse_steps, False, message), alone=True)
+        if root:
+            summary(Outcome(model.coupled.coarse_steps, False, message), {})
             print(f"Error: {message}", file=sys.stderr, flush=True)
 
     model.last_words = last_words
@@ -136,7 +151,7 @@ def carry_out(
             from studies import foundation_figures
 
             foundation_figures.draw(done, writes)
-    done.summary = summary(outcome)
+    done.summary = summary(outcome, model.energies())
     return done
 
 
@@ -183,10 +198,10 @@ def extremes(s: Snapshot) -> dict[str, float]:
 
 
 def summarise(
-    p: Parameters, model: Any, outcome: Outcome, snapshots: list[Snapshot], watch: Stopwatch,
-    energy: dict[str, float], heard: list[str],
-) -> dict[str, Any]:  # fmt: skip
+    prepared: Prepared, outcome: Outcome, snapshots: list[Snapshot], energy: dict[str, float]
+) -> dict[str, Any]:
     """The content of summary.json."""
+    p, model, watch = prepared.parameters, prepared.model, prepared.watch
     values: dict[str, float] = {}
     if outcome.history:
         load, moved = outcome.column("load_N"), outcome.column("displacement_m")
@@ -194,7 +209,7 @@ def summarise(
         values |= {"peak_load": load[peak], "peak_displacement": moved[peak], "load": load[-1]}
     if snapshots:
         values |= extremes(snapshots[-1])
-    seconds = watch.seconds | {"total": watch.total}
+    seconds = watch.seconds | {"total": sum(watch.seconds.values())}
     particle_loop = watch.parts.get("particles", 0.0)
     seconds["coupling"] = max(0.0, seconds["stepping"] - particle_loop) if p.method == "bridging" else 0.0
     values["total_time"] = seconds["total"]
@@ -210,13 +225,15 @@ def summarise(
         resolved["step"] = model.step_sizes["fine"]
     if p.method == "bridging":
         resolved["substeps"] = model.coupled.substeps
+    grown = prepared.growth
+    checks = {} if grown is None else {"growth_rate": {"value": grown.rate, "unit": "1/s", "published": None}}
     return {
         "study": "foundation", "method": p.method, "parameters": resolved, "seed": p.seed,
         "versions": output.versions(), "ranks": model.comm.size, "threads": 1,
         "counts": counts, "steps": model.step_sizes, "seconds": seconds, "particle_steps_per_second": rate,
         "results": {
             name: {"value": value, "unit": UNITS[name], "published": published.get(name)} for name, value in values.items()
-        },
+        } | checks,
         "energy": energy | {"balance_error": abs(energy["balance"]) / work if work > 0.0 else math.nan} if energy else {},
-        "stable": outcome.stable, "message": outcome.message, "warnings": heard,
+        "stable": outcome.stable, "message": outcome.message, "warnings": prepared.heard,
     }  # fmt: skip

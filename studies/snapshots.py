@@ -145,7 +145,11 @@ def continuum_fields(body: Any) -> ContinuumFields | None:
     if cells.shape[1] == 4:
         cells = cells[:, [0, 1, 3, 2]]  # dolfinx numbers a quadrilateral's nodes row by row
     return ContinuumFields(
-        nodes, cells, displacement, velocity, {name: np.concatenate([part[4][name] for part in parts]) for name in values}
+        nodes,
+        cells,
+        displacement,
+        velocity,
+        {name: np.concatenate([part[4][name] for part in parts]) for name in values},
     )
 
 
