@@ -6,11 +6,15 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from bridge import substeps
 from bridge.projection import Projection, SymmetricSolver
-from bridge.substeps import Ghosts, Linear, Tie, run_prescribed, run_slaved, run_tied
+from bridge.substeps import Ghosts, Linear, Tie
+from particles.dispatch import Direct
 from particles.network import Before, trial_forces
 
 Array = NDArray[np.float64]
+
+run_prescribed, run_slaved, run_tied = map(Direct, (substeps.run_prescribed, substeps.run_slaved, substeps.run_tied))
 
 TOUCHING = 1e-6  # gap, in sums of radii, up to which two discs count as touching
 RETIE = 0.1  # part of the tied ghosts' drift from the mesh that is taken back each coarse step; 1 makes the scheme grow
