@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -135,7 +135,7 @@ class Before(NamedTuple):
     """Histories before the last evaluation and the displacements of the step that led to it."""
 
     history: np.ndarray  # (pairs, channels)
-    wall_history: np.ndarray | None  # (listed, channels)
+    wall_history: Any  # None or (listed, channels)
     moved: np.ndarray  # (n, 3), row order, m and rad
 
 
