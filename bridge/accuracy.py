@@ -39,7 +39,9 @@ def score(name: str, curve: Curve, reference: Curve) -> Score:
         ValueError: the curve ends before the reference does.
     """
     if curve.control[-1] < reference.control[-1] * (1.0 - 1e-6):
-        raise ValueError(f"the run {name} ends at {curve.control[-1]:g}, before its reference at {reference.control[-1]:g}")
+        raise ValueError(
+            f"the run {name} ends at {curve.control[-1]:g}, before its reference at {reference.control[-1]:g}"
+        )
     peak = float(reference.response.max())
     difference = curve.response - np.interp(curve.control, reference.control, reference.response)
     return Score(
@@ -91,7 +93,9 @@ def plot(scores: Sequence[Score], title: str, path: Path) -> None:
         for number, (one, error) in enumerate(zip(scores, errors), 1):
             marker = "osD^vP*X"[(number - 1) // 10 % 8]
             ax.loglog(one.speed_up, max(error, 1e-2), marker, ms=7, label=f"{number} {one.name}")
-            ax.annotate(str(number), (one.speed_up, max(error, 1e-2)), xytext=(5, 4), textcoords="offset points", fontsize=8)
+            ax.annotate(
+                str(number), (one.speed_up, max(error, 1e-2)), xytext=(5, 4), textcoords="offset points", fontsize=8
+            )
         ax.set(xlabel="times faster than the reference", ylabel=label)
         ax.grid(alpha=0.3, which="both")
     handles, labels = axes[0].get_legend_handles_labels()

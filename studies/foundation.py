@@ -82,6 +82,8 @@ class Parameters:
     def __post_init__(self) -> None:
         check(self)
         width, depth = size_in_metres("region", self.region)
+        if self.plate_width >= WIDTH:
+            raise ValueError(f"plate_width={self.plate_width} puts the plate outside the soil of {WIDTH:g} m")
         half = 0.5 * self.plate_width
         if not (half <= self.plate_position <= WIDTH - half):  # NaN ends here too
             raise ValueError(

@@ -19,8 +19,9 @@ from studies.foundation_run import PUBLISHED, UNITS, Finished, carry_out, set_up
 
 NOTE = """\
 diff. = bridging scale against particles. Loads after the peak scatter by about 30 per cent with any perturbation (time step,
-mesh, region): compare peaks. Stresses are averages over circles of 2.5 largest radii, strains those of single discs; the paper
-defines neither, nor its damping and time steps. Times are those of this machine; ours include the set-up and the files."""
+mesh, region): compare peaks. Stresses are averages over circles of 2.5 largest radii, strains those of single discs (in assembly
+C a few loose ones decide); the paper defines neither, nor its damping and time steps. Times are those of this machine; ours
+include the set-up and the files."""
 
 
 def compare_methods(p: Parameters, folder: Path, options: dict[str, Any], growth_test: bool, quiet: bool) -> int:

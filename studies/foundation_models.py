@@ -106,6 +106,7 @@ class ParticleFoundation(_Foundation):
         self.soil = on_root_only(comm, lambda: scene.all_particles(p))
         critical = on_root(comm, lambda: self.soil.critical_step())
         self._plan(self._fine_step(critical), critical)
+        on_root_only(comm, lambda: self.soil.prepare(self.step, mass_damping=p.damping))  # forces of the start
         self.step_sizes = {"fine": self.step, "fine_critical": critical}
         self.counts = {"particles": on_root(comm, lambda: self.soil.count), "fine_steps": self.steps}
         self._advance = stopwatch.part(

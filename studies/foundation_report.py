@@ -13,6 +13,7 @@ ROWS = {
     "max_effective_stress": ("max effective stress", 1e-6, "MPa", "10.4f"),
     "min_volumetric_strain": ("min volumetric strain", 1.0, "", "10.5f"),
     "max_effective_strain": ("max effective strain", 1.0, "", "10.4f"), "total_time": ("total time", 1.0, "s", "10.2f"),
+    "growth_rate": ("growth of the scheme", 1.0, "1/s", "10.3g"),
 }  # fmt: skip
 
 

@@ -144,6 +144,9 @@ def continuum_fields(body: Any) -> ContinuumFields | None:
     nodes, cells, displacement, velocity = (np.concatenate([part[k] for part in parts]) for k in range(4))
     if cells.shape[1] == 4:
         cells = cells[:, [0, 1, 3, 2]]  # dolfinx numbers a quadrilateral's nodes row by row
+    first, second = nodes[cells[:, 1]] - nodes[cells[:, 0]], nodes[cells[:, 2]] - nodes[cells[:, 0]]
+    clockwise = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0.0
+    cells[clockwise] = cells[clockwise][:, ::-1]
     return ContinuumFields(
         nodes,
         cells,

@@ -1,0 +1,66 @@
+"""Options of the studies: rules are checked, help names units and defaults."""
+
+import dataclasses
+import math
+
+import pytest
+from click.testing import CliRunner
+
+from studies.foundation import Parameters
+from studies.foundation_command import command
+from studies.options import size_in_metres
+
+
+@pytest.mark.parametrize("text", ["6", "6x", "x3", "6x3x1", "6 by 3", "-6x3", "6x0", "nanx3", "infx3"])
+def test_a_size_that_is_none_is_refused(text):
+    with pytest.raises(ValueError, match="region="):
+        size_in_metres("region", text)
+
+
+def test_a_size_is_width_and_depth():
+    assert size_in_metres("region", "7x3.5") == (7.0, 3.5)
+
+
+NUMBERS = [field.name for field in dataclasses.fields(Parameters) if field.metadata["rule"]]
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
+def test_every_number_knows_its_rule(name, value):
+    with pytest.raises(ValueError, match=f"^{name}={value} must be .*positive|^{name}={value} must be above 0"):
+        Parameters(**{name: value})
+
+
+@pytest.mark.parametrize(
+    "bad, rule",
+    [
+        ({"region": "30x3"}, "inside the mesh"),
+        ({"region": "6x9"}, "inside the mesh"),
+        ({"region": "1x3"}, "as wide as the plate"),
+        ({"plate_position": 0.5}, "outside the soil"),
+        ({"plate_position": math.nan}, "outside the soil"),
+        ({"plate_width": 19.0}, "outside the soil"),
+        ({"radius": 0.1, "assembly": "C"}, "for lattices"),
+        ({"radius": 1e-6}, "between"),
+        ({"element_size": 1e-9}, "between"),
+        ({"mesh": "no-such-file.msh"}, "existing"),
+        ({"mesh": "graded", "plate_position": 8.0}, "plate_position=8.0 must be 9 m"),
+        ({"assembly": "D"}, "one of A, B, C"),
+        ({"variant": "best"}, "one of paper"),
+        ({"method": "both"}, "one of dem"),
+        ({"moduli": "guessed"}, "one of packing, paper"),
+    ],
+)
+def test_scenes_that_make_no_sense_are_refused_by_name(bad, rule):
+    with pytest.raises(ValueError, match=rule) as refused:
+        Parameters(**bad)
+    assert any(str(refused.value).startswith(f"{name}=") for name in bad)
+
+
+def test_help_names_every_parameter_with_its_unit_and_default():
+    help_text = " ".join(CliRunner().invoke(command, ["--help"]).output.split())
+    for field in dataclasses.fields(Parameters):
+        assert f"--{field.name.replace('_', '-')} " in help_text
+        about = field.metadata
+        shown = about["shown"] or f"{field.default}" + (f", {about['unit']}" if about["unit"] else "")
+        assert f"[default: {shown}]" in help_text, field.name

@@ -1,0 +1,101 @@
+"""The foundation's scene: counts of the paper, supports, moduli, steps that end at the displacement."""
+
+import numpy as np
+import pytest
+
+from bridge.run import Stopwatch
+from particles import measures
+from studies import foundation as scene
+from studies.foundation import Parameters
+from studies.foundation_models import MODELS
+from studies.foundation_run import frame_steps
+from studies.snapshots import neighbourhood_average
+
+
+@pytest.mark.parametrize("assembly, count", [("A", 2426), ("B", 6765)])
+def test_the_extended_region_holds_the_papers_discs(assembly, count):
+    """Li & Wan (2010), section 3: 2426 and 6765 discs, which fill 7 m x 3.5 m."""
+    soil, ghosts, _ = scene.nested_particles(Parameters(assembly=assembly, region="7x3.5"))
+    assert soil.count - ghosts.sum() == count
+
+
+def test_region_and_whole_soil_hold_the_same_discs():
+    p = Parameters(radius=0.2)
+    whole = {tuple(site) for site in np.round(scene.sites(p)[0], 9)}
+    nested = scene.nested_particles(p)[0].reference
+    assert {tuple(site) for site in np.round(nested, 9)} <= whole
+
+
+def test_moduli_of_the_lattice_are_the_closed_ones():
+    """Two contacts a disc at +-45 degrees, cell area (2 r)^2: D_yyyy = (k_N + k_s) / 2, D_xxyy = 0, for any radius.
+
+    eps_kl = u_l,k: sum over n = (1, +-1)/sqrt 2 of n_i n_k (k_N n_j n_l + k_s t_j t_l) l^2 / area with l^2 = area. For
+    i = j = k = l = y: 2 x 1/4 (k_N + k_s). For xxyy: n_x n_y (k_N n_x n_y + k_s t_x t_y), 2 x 1/4 (k_N - k_s). B = (r^2
+    k_r + k_w) per contact, both directions together the unit tensor.
+    """
+    p = Parameters(radius=0.2)
+    material = scene.material(p)
+    normal, sliding = p.normal_stiffness, p.sliding_stiffness
+    assert material.stiffness[1, 1, 1, 1] == pytest.approx(0.5 * (normal + sliding), rel=1e-6)
+    assert material.stiffness[0, 0, 1, 1] == pytest.approx(0.5 * (normal - sliding), rel=1e-6)
+    rolling = 0.2**2 * p.rolling_stiffness + p.moment_stiffness
+    assert np.allclose(material.couple, rolling * np.eye(2), rtol=1e-6, atol=1e-6 * rolling)
+    assert material.density == pytest.approx(2600.0 * np.pi / 4.0)
+
+
+def test_the_lowest_row_and_the_outermost_columns_are_held():
+    p = Parameters(radius=0.2, method="dem")
+    soil = scene.all_particles(p)
+    soil.advance(20, 0.5 * soil.critical_step())
+    soil.external_forces = np.tile([1e5, -1e5, 1e3], (soil.count, 1))
+    soil.advance(20, 0.5 * soil.critical_step())
+    x, y = soil.reference.T
+    moved = np.abs(soil.displacements)
+    lowest = y < y.min() + 0.1
+    assert moved[lowest].max() == 0.0
+    for side in (x < x.min() + 0.1, x > x.max() - 0.1):
+        assert moved[side][:, [0, 2]].max() == 0.0
+        assert moved[side & ~lowest][:, 1].min() > 0.0
+
+
+@pytest.mark.parametrize("method", ["dem", "bridging", "fem"])
+@pytest.mark.parametrize("displacement", [0.002, 0.00777])
+def test_steps_end_exactly_at_the_displacement(method, displacement):
+    p = Parameters(method=method, radius=0.2, displacement=displacement, speed=0.7)
+    model = MODELS[method](p, Stopwatch())
+    assert model.steps * model.step * p.speed == pytest.approx(displacement, rel=1e-12)
+    sizes = model.step_sizes
+    for scale in {"dem": ["fine"], "bridging": ["fine", "coarse"], "fem": ["coarse"]}[method]:
+        assert sizes[scale] <= 0.5 * sizes[f"{scale}_critical"] * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    "bad, sentence", [({"substeps": 100}, "substeps=100 makes"), ({"step": 0.1}, "step=0.1 must be")]
+)
+def test_steps_above_the_limit_are_refused(bad, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        MODELS["bridging"](Parameters(radius=0.2, **bad), Stopwatch())
+
+
+def test_a_variant_that_may_grow_is_warned_of():
+    with pytest.warns(UserWarning, match="may grow"):
+        MODELS["bridging"](Parameters(radius=0.2, variant="respa", damping=1.0), Stopwatch())
+
+
+def test_frames_hold_the_papers_states_and_the_ends():
+    steps = frame_steps(Parameters(), 1e-4, 600, 8)
+    assert {0, 150, 380, 600} <= set(steps)
+    assert steps == sorted(set(steps))
+
+
+def test_averages_around_discs_are_those_of_the_measures():
+    """The averages over circles at all discs equal the point-wise ones of `particles.measures`."""
+    p = Parameters(radius=0.2, method="dem")
+    soil = scene.all_particles(p)
+    soil.advance(30, 0.5 * soil.critical_step())
+    size = 2.5 * soil.radii.max()
+    stress = measures.particle_stress(soil)
+    mine = neighbourhood_average(soil.positions, soil.radii, stress.reshape(-1, 4), size).reshape(-1, 2, 2)
+    theirs = measures.averaged_stress(soil, soil.positions, size, solid_fraction=1.0)
+    assert np.abs(theirs).max() > 1e4
+    assert np.allclose(mine, theirs, rtol=1e-9, atol=1e-9 * np.abs(theirs).max())
