@@ -234,8 +234,8 @@ def material(p: Parameters) -> Any:
     return CosseratModuli(*measures.moduli(soil, area, ids), density)
 
 
-def domain(p: Parameters) -> Any:
-    """The mesh of the soil (collective)."""
+def domain(p: Parameters, comm: Any) -> Any:
+    """The mesh of the soil, spread over the ranks (collective)."""
     from meshes import Box, domains
 
     width, depth = size_in_metres("region", p.region)
@@ -243,13 +243,13 @@ def domain(p: Parameters) -> Any:
         cells = tuple(round(side / p.element_size) for side in (WIDTH, DEPTH))
         if min(cells) < 1 or max(abs(n * p.element_size - side) for n, side in zip(cells, (WIDTH, DEPTH))) > 1e-9:
             raise ValueError(f"element_size={p.element_size} must divide {WIDTH:g} m and {DEPTH:g} m (structured mesh)")
-        return domains.rectangle((0.0, 0.0), (WIDTH, DEPTH), cells=cells)
+        return domains.rectangle((0.0, 0.0), (WIDTH, DEPTH), cells=cells, comm=comm)
     if p.mesh == "graded":
         left = p.plate_position - 0.5 * width
         inner = Box((left, DEPTH - depth), (left + width, DEPTH)) if p.method == "bridging" else None
         near = 0.25 * p.element_size
-        return domains.foundation(WIDTH, DEPTH, p.plate_width, p.element_size, near, region=inner)
-    found = domains.read(p.mesh)
+        return domains.foundation(WIDTH, DEPTH, p.plate_width, p.element_size, near, region=inner, comm=comm)
+    found = domains.read(p.mesh, comm=comm)
     if np.abs(found.bounds - soil_region().bounds).max() > 1e-6:
         (left, bottom), (right, top) = found.bounds
         raise ValueError(
@@ -259,11 +259,11 @@ def domain(p: Parameters) -> Any:
     return found
 
 
-def body(p: Parameters, solid: Any, excluded: Any = None) -> Any:
+def body(p: Parameters, solid: Any, comm: Any, excluded: Any = None) -> Any:
     """The continuum of a material, with its supports; `excluded` is left to the particles (collective)."""
     from continuum import Body
 
-    soil = Body(domain(p), solid, excluded=excluded)
+    soil = Body(domain(p, comm), solid, excluded=excluded)
     soil.fix("left", "xr")
     soil.fix("right", "xr")
     soil.fix("bottom", "xyr")

@@ -141,8 +141,10 @@ class ContinuumFoundation(_Foundation):
 
     def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
         super().__init__(p, comm)
-        self.body = scene.body(p, self.material)
+        self.body = scene.body(p, self.material, comm)
         self.plate = scene.under_plate(p)
+        if comm.allreduce(int(np.count_nonzero(self.plate(self.body.coordinates)))) == 0:
+            raise ValueError(f"mesh={p.mesh} has no nodes under the plate of {p.plate_width:g} m: refine it there")
         self.body.prescribe(self.plate, "y", -p.speed)
         critical = self.body.critical_step()
         self._plan(COARSE_RATIO * critical, critical)
@@ -178,7 +180,7 @@ class BridgedFoundation(_Foundation):
         super().__init__(p, comm)
         nested = on_root_only(comm, lambda: scene.nested_particles(p))
         self.soil, self.ghosts, share = nested or (_no_particles(p), np.zeros(0, dtype=bool), np.zeros(0))
-        self.body = scene.body(p, self.material, excluded=scene.particle_region(p))
+        self.body = scene.body(p, self.material, comm, excluded=scene.particle_region(p))
         fine_critical = on_root(comm, lambda: self.soil.critical_step())
         coarse_critical = self.body.critical_step()
         substeps = self._substeps(self._fine_step(fine_critical), coarse_critical)
