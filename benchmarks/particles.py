@@ -92,7 +92,7 @@ def main():
     damped = {"mass_damping": 20.0}
     scenes = {
         "all channels, dashpots, mass damping, plates": (assembly(positions, radii, upper), damped),
-        "  no plates": (assembly(positions, radii, upper, walls=False), damped),
+        "  no plates (outermost discs held)": (assembly(positions, radii, upper, walls=False), damped),
         "  no plates, no mass damping": (assembly(positions, radii, upper, walls=False), {}),
         "  no plates, no damping at all": (assembly(positions, radii, upper, without(dashpots=False), False), {}),
         "  ... no rolling moment": (assembly(positions, radii, upper, without("moment", dashpots=False), False), {}),

@@ -24,9 +24,14 @@ def packing(blocks=1, seed=1):
 
 
 def assembly(positions, radii, upper, law=ALL, walls=True):
-    """Assembly with random velocities (0.05 m/s) in a box of smooth plates."""
+    """Assembly with random velocities (0.05 m/s), kept together by smooth plates or by holding the outermost discs."""
     soil = Assembly(positions, radii, law=law)
+    velocities = 0.05 * np.random.default_rng(0).normal(size=(soil.count, 3)) * [1.0, 1.0, 0.0]
     if walls:
         soil.add_wall(*Plate.box((0.0, 0.0), tuple(upper), 1.0, frictionless=True))
-    soil.velocities = 0.05 * np.random.default_rng(0).normal(size=(soil.count, 3)) * [1.0, 1.0, 0.0]
+    else:
+        edge = ((positions - radii[:, None] < 1e-3) | (positions + radii[:, None] > upper - 1e-3)).any(axis=1)
+        velocities[edge] = 0.0
+        soil.hold(edge, "xyr")
+    soil.velocities = velocities
     return soil

@@ -44,6 +44,10 @@ fix m9 all property/global gamman_abs peratomtypepair 1 400
 fix m10 all property/global gammat_abs peratomtypepair 1 400
 pair_style gran model hooke/stiffness tangential history rolling_friction epsd2 absolute_damping on
 pair_coeff * *
+fix left all wall/gran model hooke/stiffness tangential history primitive type 1 xplane 0.0 absolute_damping on
+fix right all wall/gran model hooke/stiffness tangential history primitive type 1 xplane {right} absolute_damping on
+fix floor all wall/gran model hooke/stiffness tangential history primitive type 1 yplane 0.0 absolute_damping on
+fix lid all wall/gran model hooke/stiffness tangential history primitive type 1 yplane {top} absolute_damping on
 timestep {step}
 fix move all nve/sphere
 fix plane all enforce2d
@@ -55,7 +59,7 @@ run {steps}
 """
 
 
-def seconds(positions, radii, skin, step, steps):
+def seconds(positions, radii, upper, skin, step, steps):
     """Loop time of LIGGGHTS, s; None where it is not installed or fails (says why)."""
     if shutil.which("liggghts") is None:
         print("LIGGGHTS is not installed: skipped")
@@ -70,8 +74,8 @@ def seconds(positions, radii, skin, step, steps):
     lines += [f"{k + 1} {vx:.17g} {vy:.17g} 0 0 0 0" for k, (vx, vy, _) in enumerate(velocities)]
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "packing.data").write_text("\n".join(lines) + "\n")
-        Path(folder, "in.run").write_text(SCRIPT.format(skin=skin, step=step, steps=steps))
-        run = subprocess.run(["liggghts", "-in", "in.run"], cwd=folder, capture_output=True, text=True)
+        Path(folder, "in.run").write_text(SCRIPT.format(skin=skin, step=step, steps=steps, right=upper[0], top=upper[1]))
+        run = subprocess.run(["liggghts", "-in", "in.run", "-log", "none"], cwd=folder, capture_output=True, text=True)
     times = re.findall(r"Loop time of ([\d.e+-]+)", run.stdout)
     if len(times) < 2:
         print("LIGGGHTS failed: skipped\n" + run.stdout[-800:] + run.stderr[-400:])
@@ -82,7 +86,7 @@ def seconds(positions, radii, skin, step, steps):
 def compare(steps=400, repeats=3):
     """Disc-steps per second of both on 10,000 discs, best of `repeats` alternating runs; ratio None without the peer."""
     positions, radii, upper = packing()
-    soil = assembly(positions, radii, upper, walls=False)
+    soil = assembly(positions, radii, upper)
     step = 0.1 * soil.critical_step()
     soil.advance(20, step)
     ours, peer = [], []
@@ -90,7 +94,7 @@ def compare(steps=400, repeats=3):
         start = time.perf_counter()
         soil.advance(steps, step)
         ours.append(time.perf_counter() - start)
-        taken = seconds(positions, radii, soil.skin, step, steps)
+        taken = seconds(positions, radii, upper, soil.skin, step, steps)
         if taken is None:
             return {"grainbridge": len(radii) * steps / min(ours), "liggghts": None, "ratio": None}
         peer.append(taken)

@@ -172,7 +172,9 @@ def _limited(stiffness, friction, damping, history, contact, column, increment, 
     history[contact, column] = trial
     if damping is None:
         return trial, 0.0
-    total = min(max(trial + damping * rate, -limit), limit)
+    total = trial + damping * rate
+    if abs(total) > limit:
+        total = limit if total > 0.0 else -limit
     return total, (total - trial) * rate
 
 
