@@ -8,7 +8,7 @@ from particles import measures
 from studies import foundation as scene
 from studies.foundation import Parameters
 from studies.foundation_models import MODELS
-from studies.foundation_run import frame_steps
+from studies.foundation_run import carry_out, frame_steps, set_up
 from studies.snapshots import neighbourhood_average
 
 
@@ -99,3 +99,12 @@ def test_averages_around_discs_are_those_of_the_measures():
     theirs = measures.averaged_stress(soil, soil.positions, size, solid_fraction=1.0)
     assert np.abs(theirs).max() > 1e4
     assert np.allclose(mine, theirs, rtol=1e-9, atol=1e-9 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("method", ["dem", "bridging", "fem"])
+def test_the_external_work_is_that_of_the_load(method):
+    """Only the plate does work; the trapezoidal rule over samples that are not every step is good to a few per cent."""
+    done = carry_out(set_up(Parameters(method=method, radius=0.2, displacement=0.02)), figures=False, progress=False)
+    load, moved = done.outcome.column("load_N"), done.outcome.column("displacement_m")
+    work = np.sum(0.5 * (load[1:] + load[:-1]) * np.diff(moved))
+    assert done.outcome.column("external_work_J")[-1] == pytest.approx(work, rel=0.05)
