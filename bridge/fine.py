@@ -114,6 +114,7 @@ class FineScale:
         self._ghosts = Ghosts(
             rows[self.ids].astype(np.int64), self.ghost_mass, load,
             local.indptr.astype(np.int64), local.indices.astype(np.int64), local.data,
+            self.soil.reference[self.ids],
         )  # fmt: skip
         self._previous = np.zeros((len(rows), 3))
         self._fitters: list[SymmetricSolver] = []
@@ -231,7 +232,7 @@ class FineScale:
                 columns = local[:, loose]
                 gram = (columns.T @ sparse.diags(stiffness[:, component]) @ columns).toarray()
                 inverse[component][np.ix_(loose, loose)] = np.linalg.inv(gram + np.diag(1.0 / part[loose]))
-        self._tie = Tie(stiffness, inverse, self.mass_damping, damper)
+        self._tie = Tie(stiffness, inverse, self.mass_damping, damper, RETIE)
 
     # ---------------------------------------------------------------------------------------------------------- substeps
 
@@ -306,10 +307,9 @@ class FineScale:
             return force
         self._prepare(steps)
         own = self.interface
-        self._shift[:] = RETIE * (self.ghost_shape @ nodal - self.ghost_displacement())
         sums = np.empty((len(own), 3))
-        before = (self._tie, np.ascontiguousarray(start[own]), np.ascontiguousarray(end[own]), self._shift)
-        self._run(run_tied, steps, before, (self._multiplier, sums, self._work))
+        before = (self._tie, start[own], end[own], nodal[own])
+        self._run(run_tied, steps, before, (self._shift, self._multiplier, sums, self._work))
         force[own] = sums
         return force
 

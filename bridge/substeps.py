@@ -23,6 +23,7 @@ class Ghosts(NamedTuple):
     start: np.ndarray  # (g + 1,)
     node: np.ndarray  # interface node of each weight
     weight: np.ndarray
+    reference: np.ndarray  # (g, 2) reference positions
 
 
 class Tie(NamedTuple):
@@ -32,6 +33,7 @@ class Tie(NamedTuple):
     inverse: np.ndarray  # (3, interface nodes, interface nodes): (W^-1 + N_g^T E^-1 N_g)^-1
     damping: float  # c_m, 1/s
     damper: float  # 1 + c_m h / 2
+    retie: float  # part of the ghosts' drift from the mesh that is taken back each coarse step
 
 
 class Linear(NamedTuple):
@@ -234,17 +236,25 @@ def run_slaved(
 
 
 @njit(cache=True)
-def run_tied(system, terms, linear, ghosts, tie, start, end, shift, h, steps, first, multiplier, nodal, work):
+def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, first, shift, multiplier, nodal, work):
     """Ghosts are particles; multipliers tie their velocities to N_g times the velocity that goes from `start` to `end`.
 
-    `start`, `end` (interface nodes, 3) are the free coarse velocities at both ends of the coarse step. `shift` (g, 3) is
-    added to the ghosts' displacement in the first substep. `multiplier` (g, 3) holds the tie forces, N and N m, taken off
-    the ghosts; `nodal` leaves as N_g^T multiplier.
+    `start`, `end` (interface nodes, 3) are the free coarse velocities at both ends of the coarse step. A part of what the
+    ghosts' displacement lacks to that of the `mesh` (interface nodes, 3) at the start is added in the first substep; it is
+    left in `shift` (g, 3). `multiplier` (g, 3) holds the tie forces, N and N m, taken off the ghosts; `nodal` leaves as
+    N_g^T multiplier.
     """
     state, force = system.state, system.force
     residual = np.empty_like(multiplier)
     right = np.empty_like(nodal)
     if first < 0:
+        _at_ghosts(ghosts, mesh, shift)
+        for k in range(ghosts.rows.size):
+            row = ghosts.rows[k]
+            shift[k, 0] -= state[row, 0] - ghosts.reference[k, 0]
+            shift[k, 1] -= state[row, 1] - ghosts.reference[k, 1]
+            shift[k, 2] -= state[row, 7]
+        shift *= tie.retie
         drift(system, terms, h)
         _shift_ghosts(system, ghosts, shift, h)
     for j in range(max(first, 0), steps):

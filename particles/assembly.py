@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from particles import energies, motion, neighbours, network, stability, walls
+from particles.dispatch import Direct
 from particles.laws.li_chu import COLUMNS, LiChu, compile_law
 from particles.motion import Unstable
 from particles.system import (
@@ -29,6 +30,8 @@ from particles.system import (
     Y,
 )  # fmt: skip
 from particles.walls import Plate
+
+_advance, _stale = Direct(motion.advance), Direct(motion.stale)
 
 SKIN = 0.12  # default skin as a share of the mean radius
 _PLACES = np.array([X, Y, ANGLE])
@@ -96,6 +99,7 @@ class Assembly:
         self._external: np.ndarray | None = None
         self._plate_rows = np.zeros((0, 12))
         self._primed: tuple | None = None
+        self._loads: tuple[dict[str, Any], Terms] | None = None  # of the last run
         self._step = 0.0
         self._imposed = 0.0
         self._sorted_at: np.ndarray | None = None
@@ -377,7 +381,7 @@ class Assembly:
         Raises:
             Unstable: a disc moves by more than a radius per step, or is not finite.
         """
-        if motion.stale(self._system):
+        if _stale(self._system):
             self._raise_runaway(self._step, "")
             self._rebuild()
         return self._system
@@ -419,9 +423,11 @@ class Assembly:
         """
         if not (np.isfinite(step) and step > 0.0):
             raise ValueError(f"step={step} must be positive (s)")
-        terms = self.terms(**loads)
+        if self._loads is None or self._loads[0] != loads:
+            self._loads = loads, self.terms(**loads)
+        terms = self._loads[1]
         self._step = step
-        if motion.stale(self._system):
+        if _stale(self._system):
             self._rebuild()
         if self._primed != (terms[2:],):
             walls.hold_plates(self._system.walls)
@@ -453,7 +459,7 @@ class Assembly:
         system, terms = self.prepare(step, steps, **loads)
         left, resume = int(steps), False
         while True:
-            done, code = motion.advance(system, terms, left, step, resume)
+            done, code = _advance(system, terms, left, step, resume)
             left -= done
             if code != motion.FINISHED:
                 self._raise_runaway(step, f" in step {steps - left}")

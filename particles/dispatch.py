@@ -17,19 +17,26 @@ class Direct:
     """A jitted function that is called through its compiled entry once the types of a call are known.
 
     Numba looks up the types of named tuples in Python, which takes longer (0.3 ms) than a step of a small assembly. Here
-    the types of the tuples' members are compared (some microseconds); the entry itself still checks the arrays that it gets.
+    the types of the tuples' members are compared (some microseconds), or nothing but the tuples' identity where they are
+    those of the last call; the entry itself still checks the arrays that it gets.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
         self._entries: dict[Any, Callable[..., Any]] = {}
+        self._last: tuple[Any, ...] = ()  # keeps the tuples alive, so that their identities stay theirs
+        self._last_key: Any = None
 
     def __call__(self, *arguments: Any) -> Any:
+        key = [id(value) if isinstance(value, tuple) else type(value) for value in arguments]
+        if key == self._last_key:
+            return self._entry(*arguments)
         kinds = _kinds(arguments)
         entry = self._entries.get(kinds)
-        if entry is not None:
-            return entry(*arguments)
-        result = self._function(*arguments)
-        if hasattr(self._function, "overloads"):  # not so where compilation is switched off
-            self._entries[kinds] = self._function.overloads[tuple(map(typeof, arguments))].entry_point
-        return result
+        if entry is None:
+            result = self._function(*arguments)
+            if hasattr(self._function, "overloads"):  # not so where compilation is switched off
+                self._entries[kinds] = self._function.overloads[tuple(map(typeof, arguments))].entry_point
+            return result
+        self._last, self._last_key, self._entry = arguments, key, entry
+        return entry(*arguments)
