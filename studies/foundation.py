@@ -44,7 +44,7 @@ class Parameters:
         shown="A 0.05 m, B 0.03 m, C 0.02 to 0.05 m",
     )  # fmt: skip
     seed: int = parameter(1, "Seed of the random packing C.", "", NOT_NEGATIVE)
-    region: str = parameter("6x3", "Width x depth of the particles' region under the plate.", "m x m")
+    region: str = parameter("6x3", "Width x depth of the particles' region under the plate, in metres.", "WxD")
     mesh: str = parameter(
         "structured", "Mesh of the continuum: structured, graded (gmsh), or a .msh file of 18 m x 9 m."
     )
@@ -173,6 +173,11 @@ def sites(p: Parameters) -> tuple[np.ndarray, np.ndarray]:
         return random_dense(((0.0, 0.0), (WIDTH, DEPTH)), RANDOM_RADII, POROSITY, p.seed)
     centres = packings.square_45(soil_region(), radius)
     return centres, np.full(len(centres), radius * TOUCH)
+
+
+def smallest_radius(p: Parameters) -> float:
+    """Smallest radius of the discs, m."""
+    return p.lattice_radius or RANDOM_RADII[0]
 
 
 def solid_fraction(p: Parameters) -> float:

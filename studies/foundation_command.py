@@ -27,12 +27,12 @@ the peak the load depends on both, and on any perturbation, by about 30 per cent
 @click.option(
     "--output", default="out/foundation", metavar="FOLDER", help="Folder for the results.  [default: out/foundation]"
 )
-@click.option("--samples", default=120, type=int, metavar="-", help="Rows of history.csv.  [default: 120]")
+@click.option("--samples", default=120, type=int, metavar="NUMBER", help="Rows of history.csv.  [default: 120]")
 @click.option(
     "--frames",
     default=8,
     type=int,
-    metavar="-",
+    metavar="NUMBER",
     help="Times of the field files, beside the paper's states.  [default: 8]",
 )
 @click.option("--no-fields", is_flag=True, help="Write no field files.")
@@ -69,7 +69,7 @@ def command(
 
     done = carry_out(set_up(parameters, growth_test), folder, **options)
     if not done.outcome.stable:
-        raise click.exceptions.Exit(unstable(done.outcome.message))
+        return unstable(done.outcome.message)
     if not quiet and MPI.COMM_WORLD.rank == 0:
         click.echo(report(done, folder))
     return 0

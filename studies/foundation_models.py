@@ -20,6 +20,7 @@ from studies.snapshots import Snapshot, continuum_fields, particle_fields
 
 UNSTABLE = 3  # exit status
 COARSE_RATIO = 0.5  # default coarse step as a share of the continuum's critical step
+LARGEST_ADVANCE = 0.1  # of the plate in a step, as a share of the smallest radius
 TERMS = (
     "external_work",
     "kinetic",
@@ -64,7 +65,14 @@ class _Foundation:
         p = self.p
         if p.step is not None and p.step > critical:
             raise ValueError(f"step={p.step} must be at most the particles' critical step of {critical:.4g} s")
-        return p.step_ratio * critical if p.step is None else p.step
+        step = p.step_ratio * critical if p.step is None else p.step
+        smallest = scene.smallest_radius(p)
+        if p.speed * step > LARGEST_ADVANCE * smallest:
+            raise ValueError(
+                f"speed={p.speed} moves the plate by {p.speed * step:.3g} m in a step of {step:.3g} s; it must be at most "
+                f"{LARGEST_ADVANCE:g} of the smallest radius of {smallest:g} m"
+            )
+        return step
 
     @property
     def displacement(self) -> float:

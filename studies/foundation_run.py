@@ -18,6 +18,7 @@ from studies.foundation import PAPER_STATES, Parameters
 from studies.foundation_models import MODELS
 from studies.snapshots import Snapshot
 
+LARGEST_ERROR = 0.01  # of the energy balance, as a share of the external work, before a run is called doubtful
 LARGEST_GAIN = 0.1  # of the external work, from the interface, before a run is called doubtful
 # Li & Wan (2010), table 2 (assembly A, end of loading) and the peak of assembly A in figure 3
 PUBLISHED = {
@@ -148,10 +149,10 @@ def carry_out(
     if history is not None:
         history.close()
     energy = model.energies()
-    doubt = _interface_gain(energy)
-    if doubt and root:
+    for doubt in doubts(energy) if outcome.stable else []:
         prepared.heard.append(doubt)
-        print(f"Warning: {doubt}", file=sys.stderr)
+        if root:
+            print(f"Warning: {doubt}", file=sys.stderr)
     done = Finished(p, {}, outcome, snapshots)
     if writes and figures and outcome.stable:
         with watch.phase("output"):
@@ -162,15 +163,21 @@ def carry_out(
     return done
 
 
-def _interface_gain(energy: dict[str, float]) -> str:
-    """What to say where the interface has put energy into the system: the sign of a growing scheme."""
-    gain = -energy["interface"] / energy["external_work"] if energy["external_work"] > 0.0 else 0.0
-    if gain < LARGEST_GAIN:
-        return ""
-    return (
-        f"the interface has put {100 * gain:.1f} % of the external work into the system: the scheme grows, do not trust the "
-        "results; take variant=multiplier, fewer substeps or more damping"
-    )
+def doubts(energy: dict[str, float]) -> list[str]:
+    """What to say about the energies of a run: an interface that feeds the system, a balance that does not close."""
+    work = energy["external_work"]
+    if not work > 0.0:
+        return []
+    found = []
+    gain, error = -energy["interface"] / work, abs(energy["balance"]) / work
+    if gain > LARGEST_GAIN:
+        found.append(
+            f"the interface has put {100 * gain:.1f} % of the external work into the system: the scheme grows, do not trust "
+            "the results; take variant=multiplier, fewer substeps or more damping"
+        )
+    if not error <= LARGEST_ERROR:
+        found.append(f"the energy balance is off by {100 * error:.1f} % of the external work; take a smaller step")
+    return found
 
 
 class FieldSeries:

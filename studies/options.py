@@ -17,6 +17,9 @@ _RULES: dict[str, Callable[[float], bool]] = {
 }
 
 
+_KINDS = {str: "WORD", int: "NUMBER", float: "NUMBER"}
+
+
 def parameter(
     default: Any, text: str, unit: str = "", rule: str = "", choices: tuple[str, ...] = (), shown: str = ""
 ) -> Any:
@@ -47,6 +50,15 @@ def check(parameters: Any) -> None:
             raise ValueError(f"{field.name}={value} must be {rule}{unit}")
 
 
+def shown_default(field: dataclasses.Field) -> str:
+    """A field's default as the help shows it, with its unit."""
+    if field.metadata["shown"]:
+        return field.metadata["shown"]
+    if isinstance(field.default, (bool, str)):
+        return str(field.default)
+    return f"{field.default:g} {field.metadata['unit'].replace('-', '')}".strip()
+
+
 def click_options(kind: type, without: tuple[str, ...] = ()) -> Callable[[Any], Any]:
     """Decorator that gives a click command one option a field, with unit and default in the help."""
     hints = get_type_hints(kind)
@@ -55,14 +67,12 @@ def click_options(kind: type, without: tuple[str, ...] = ()) -> Callable[[Any], 
         for field in reversed([one for one in dataclasses.fields(kind) if one.name not in without]):
             about, hint = field.metadata, hints[field.name]
             types = [part for part in get_args(hint) if part is not type(None)] or [hint]
-            unit = f", {about['unit']}" if about["unit"] else ""
-            words = f" [{'|'.join(about['choices'])}]" if about["choices"] else ""
             flag = types[0] is bool
-            default = about["shown"] or ("off" if flag else field.default)
+            words = f" [{'|'.join(about['choices'])}]" if about["choices"] else ""
             command = click.option(
                 "--" + field.name.replace("_", "-"), field.name, default=field.default, is_flag=flag,
-                type=None if flag else types[0], metavar=None if flag else about["unit"] or "WORD",
-                help=f"{about['text']}{words}  [default: {default}{unit if not about['shown'] else ''}]",
+                type=None if flag else types[0], metavar=None if flag else about["unit"].replace("-", "") or _KINDS[types[0]],
+                help=f"{about['text']}{words}  [default: {shown_default(field)}]",
             )(command)  # fmt: skip
         return command
 

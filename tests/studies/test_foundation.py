@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from meshes._gmsh import session
+from studies.foundation_run import doubts
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 SMALL = ["--radius", "0.2", "--displacement", "0.004"]
@@ -156,6 +157,8 @@ REFUSED = {
     "foundation --normal-stiffness -1": "normal_stiffness=-1.0",
     "foundation --region 30x3": "region=30x3",
     "foundation --substeps 1000": "substeps=1000",
+    "foundation --step 0.1": "step=0.1",
+    "foundation --method dem --speed 1000": "speed=1000.0",
     "foundation --mesh {bad}": "bad.msh",
     "foundation --compare --mesh {bad}": "bad.msh",
     "foundation --radius 0.5 --region 2x0.4": "no particle site",
@@ -191,3 +194,24 @@ def test_settings_are_measured_against_particles_everywhere(tmp_path):
     assert rows[0]["peak_error"] == 0.0 and rows[0]["speed_up"] == 1.0
     assert all(abs(row["peak_error"]) < 1e-6 for row in rows)  # no wave has reached an interface yet
     assert (tmp_path / "out/accuracy.csv").exists() and (tmp_path / "out/accuracy.png").exists()
+
+
+def test_a_blow_up_is_named_and_leaves_what_was_written(tmp_path):
+    """The paper's variant without damping, with many substeps: grows (Methods: see `bridge.growth`) until a node outruns waves."""
+    grows = "--variant paper --damping 0 --radius 0.1 --displacement 0.3 --step-ratio 1 --substeps 5".split()
+    answer = studies("foundation", *grows, "--output", tmp_path, "--frames", 4)
+    assert answer.returncode == 3
+    *warned, error = answer.stderr.splitlines()
+    assert all(line.startswith("Warning: variant=paper") for line in warned) and len(warned) == 2
+    assert error.startswith("Error: the continuum became unstable by t=") and "node at" in error
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert not summary["stable"] and summary["message"] in error and len(summary["warnings"]) == 2
+    assert len(history(tmp_path)["time_s"]) > 10
+    assert (tmp_path / "fields/particles.pvd").exists()
+
+
+def test_energies_that_do_not_close_are_doubted():
+    good = {"external_work": 100.0, "interface": 5.0, "balance": 0.5}
+    assert not doubts(good)
+    assert "energy balance is off by 2.0 %" in doubts(good | {"balance": -2.0})[0]
+    assert "interface has put 20.0 %" in doubts(good | {"interface": -20.0})[0]

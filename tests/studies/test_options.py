@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from studies.foundation import Parameters
 from studies.foundation_command import command
-from studies.options import size_in_metres
+from studies.options import shown_default, size_in_metres
 
 
 @pytest.mark.parametrize("text", ["6", "6x", "x3", "6x3x1", "6 by 3", "-6x3", "6x0", "nanx3", "infx3"])
@@ -61,6 +61,5 @@ def test_help_names_every_parameter_with_its_unit_and_default():
     help_text = " ".join(CliRunner().invoke(command, ["--help"]).output.split())
     for field in dataclasses.fields(Parameters):
         assert f"--{field.name.replace('_', '-')} " in help_text
-        about = field.metadata
-        shown = about["shown"] or f"{field.default}" + (f", {about['unit']}" if about["unit"] else "")
-        assert f"[default: {shown}]" in help_text, field.name
+        assert f"[default: {shown_default(field)}]" in help_text, field.name
+    assert "[default: 2.5e+08 N/m]" in help_text and "[default: 6x3]" in help_text and "[default: 0.5]" in help_text
