@@ -239,7 +239,8 @@ def summarise(
     seconds["coupling"] = max(0.0, seconds["stepping"] - particle_loop) if p.method == "bridging" else 0.0
     values["total_time"] = seconds["total"]
     published = PUBLISHED[p.method] if p.is_papers_scene else {}
-    counts = dict(model.counts)
+    done = outcome.steps / model.steps
+    counts = {name: round(done * value) if name.endswith("_steps") else value for name, value in model.counts.items()}
     if snapshots and snapshots[-1].contacts is not None:
         counts["contacts"] = len(snapshots[-1].contacts.ends)
     work = energy.get("external_work", 0.0)
