@@ -31,7 +31,8 @@ from particles.system import (
 )  # fmt: skip
 from particles.walls import Plate
 
-_advance, _stale = Direct(motion.advance), Direct(motion.stale)
+_advance, _stale, _runaway = Direct(motion.advance), Direct(motion.stale), Direct(motion.runaway)
+_hold_plates = Direct(walls.hold_plates)
 
 SKIN = 0.12  # default skin as a share of the mean radius
 _PLACES = np.array([X, Y, ANGLE])
@@ -430,9 +431,9 @@ class Assembly:
         if _stale(self._system):
             self._rebuild()
         if self._primed != (terms[2:],):
-            walls.hold_plates(self._system.walls)
-            motion.evaluate(self._system, terms, 0.0)
-            motion.kick(self._system, terms, 0.0)
+            _hold_plates(self._system.walls)
+            network.evaluate(self._system, terms, 0.0)
+            network.kick(self._system, terms, 0.0)
             self._primed = (terms[2:],)
         if any(plate.is_driven for plate in self.plates):
             times = self.time + step * (np.arange(steps) + 0.5)
@@ -469,7 +470,7 @@ class Assembly:
             system, resume = self._system, True
 
     def _raise_runaway(self, step: float, where: str) -> None:
-        row = motion.runaway(self._system, step)
+        row = _runaway(self._system, step)
         if row >= 0:
             vx, vy, spin = self._system.state[row, VX : SPIN + 1]
             raise Unstable(

@@ -34,9 +34,13 @@ class Direct:
         kinds = _kinds(arguments)
         entry = self._entries.get(kinds)
         if entry is None:
-            result = self._function(*arguments)
-            if hasattr(self._function, "overloads"):  # not so where compilation is switched off
-                self._entries[kinds] = self._function.overloads[tuple(map(typeof, arguments))].entry_point
-            return result
+            entry = self._function
+            if hasattr(entry, "overloads"):  # not so where compilation is switched off
+                # by the types, not by a call: numba's own choice among compiled versions was seen to take one for a
+                # law without dashpots where the law had them
+                types = tuple(map(typeof, arguments))
+                entry.compile(types)
+                entry = entry.overloads[types].entry_point
+            self._entries[kinds] = entry
         self._last, self._last_key, self._entry = arguments, key, entry
         return entry(*arguments)

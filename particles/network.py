@@ -7,11 +7,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from particles import motion, neighbours, walls
+from particles.dispatch import Direct
 from particles.laws.li_chu import COLUMNS
 from particles.system import PLATE_DX, PLATE_DY, System, Terms
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
+
+
+evaluate, kick = Direct(motion.evaluate), Direct(motion.kick)
 
 
 class Contacts(NamedTuple):
@@ -165,5 +169,5 @@ def trial_forces(
         else:
             history = before.wall_history
         trial = trial._replace(walls=system.walls._replace(plates=plates, history=history.copy()))
-    motion.evaluate(trial, terms, 1.0)
+    evaluate(trial, terms, 1.0)
     return trial.force

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from particles import Assembly, LiChu, Plate
-from particles.motion import evaluate
+from particles.network import evaluate
 from tests.particles.scenes import ALL, PAPER
 
 

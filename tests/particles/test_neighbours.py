@@ -98,3 +98,14 @@ def test_empty_assembly_runs():
     soil.advance(5, 1e-3)
     assert soil.displacements.shape == (0, 3) and soil.critical_step() == np.inf
     assert soil.energy_balance() == 0.0
+
+
+def test_every_law_runs_the_loops_that_were_compiled_for_it():
+    """Laws that differ only in what they have, one after the other and twice, in one process."""
+    channels = {"sliding_stiffness": 5e7, "rolling_stiffness": 1e6, "moment_stiffness": 7e2}
+    for change, viscous in [({}, False), ({"normal_damping": 4e3}, True)] * 2:
+        for _ in range(2):
+            soil = Assembly([[0, 0], [0.0999, 0]], 0.05, law=LiChu(2.5e8, **channels, **change))
+            soil.velocities = [[1, 0, 0], [0, 0, 0]]
+            soil.advance(3, 1e-7)
+            assert (soil.energies()["viscous"] > 0) == viscous
