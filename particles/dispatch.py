@@ -32,7 +32,7 @@ class Direct:
         if key == self._last_key:
             return self._entry(*arguments)
         kinds = _kinds(arguments)
-        entry = self._entries.get(kinds)
+        entry: Any = self._entries.get(kinds)
         if entry is None:
             entry = self._function
             if hasattr(entry, "overloads"):  # not so where compilation is switched off
