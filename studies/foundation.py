@@ -193,12 +193,17 @@ def plate(p: Parameters) -> Any:
     return Plate.rectangle((left, DEPTH), (right, DEPTH + 0.5), velocity=(0.0, -p.speed))
 
 
+def skin(p: Parameters) -> float | None:
+    """Reach of the neighbour list (m): wide in a lattice, whose second neighbours are 0.8 r from contact; None = default."""
+    return None if p.lattice_radius is None else 0.3 * p.lattice_radius
+
+
 def all_particles(p: Parameters) -> Any:
     """Discs in all of the soil under the plate; the lowest ones are held, the outermost ones laterally and in rotation."""
     from particles import Assembly
 
     centres, radii = sites(p)
-    soil = Assembly(centres, radii, p.density, contact_law(p))
+    soil = Assembly(centres, radii, p.density, contact_law(p), skin=skin(p))
     x, y = centres.T
     reach = 1.05 * radii if p.lattice_radius is None else math.sqrt(2.0) * radii  # touching / half a lattice spacing
     soil.hold(np.flatnonzero((x < reach) | (x > WIDTH - reach)), "xr")
@@ -215,7 +220,7 @@ def nested_particles(p: Parameters) -> tuple[Any, np.ndarray, np.ndarray]:
 
     centres, radii = sites(p)
     layout = nested_layout(centres, radii, particle_region(p))
-    soil = Assembly(centres[layout.kept], radii[layout.kept], p.density, contact_law(p))
+    soil = Assembly(centres[layout.kept], radii[layout.kept], p.density, contact_law(p), skin=skin(p))
     soil.add_wall(plate(p))
     return soil, layout.ghost, layout.share
 
