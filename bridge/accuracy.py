@@ -97,6 +97,10 @@ def plot(scores: Sequence[Score], title: str, path: Path) -> None:
                 str(number), (one.speed_up, max(error, 1e-2)), xytext=(5, 4), textcoords="offset points", fontsize=8
             )
         ax.set(xlabel="times faster than the reference", ylabel=label)
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter("{x:g}")
+        ax.tick_params(which="minor", labelsize=7)
         ax.grid(alpha=0.3, which="both")
     handles, labels = axes[0].get_legend_handles_labels()
     axes[2].axis("off")
