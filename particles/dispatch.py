@@ -26,6 +26,7 @@ class Direct:
         self._entries: dict[Any, Callable[..., Any]] = {}
         self._last: tuple[Any, ...] = ()  # keeps the tuples alive, so that their identities stay theirs
         self._last_key: Any = None
+        self._entry: Any = None
 
     def __call__(self, *arguments: Any) -> Any:
         key = [id(value) if isinstance(value, tuple) else type(value) for value in arguments]
