@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from tests.bridge.scenes import GRANULAR, lattice, lattice_moduli, scene
 
 from bridge import BridgingScale
 from continuum import Body, Cosserat
 from meshes import Box, domains
 from particles import Assembly, Plate
+from tests.bridge.scenes import GRANULAR, lattice, lattice_moduli, scene
 
 STRAINS = {"compression": [[-1e-4, 0.0], [0.0, -3e-4]], "shear": [[0.0, 2e-4], [2e-4, 0.0]]}
 LATTICES = {  # radius that puts whole numbers of spacings between nodes
