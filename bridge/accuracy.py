@@ -78,32 +78,72 @@ def as_csv(scores: Sequence[Score], settings: Sequence[dict[str, Any]]) -> str:
     return buffer.getvalue()
 
 
-def plot(scores: Sequence[Score], title: str, path: Path) -> None:
-    """Speed-up against both errors, a point a setting; the reference is left out."""
+MARKERS = "osD^vP*X"
+FEW = 20  # settings up to which each has a number and a line in the legend
+
+
+def plot(scores: Sequence[Score], kinds: Sequence[Sequence[str]], title: str, path: Path) -> None:
+    """Errors over speed-up, a point a setting.
+
+    Args:
+        scores: Without the reference.
+        kinds: Three words for each score, for instance region, variant and moduli: where there are many settings, they
+            decide colour, marker and filling of a point.
+        title: Of the figure.
+        path: Of the PNG.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=(12.5, max(5.0, 1.0 + 0.12 * len(scores))), layout="constrained")
+    drawn = Figure(figsize=(12.5, 5.2), layout="constrained")
     FigureCanvasAgg(drawn)
     axes = drawn.subplots(1, 3, width_ratios=(1.0, 1.0, 0.45))
     for ax, label, errors in (
-        (axes[0], "error of the peak (%)", [100 * abs(s.peak_error) for s in scores]),
-        (axes[1], "rms error of the curve (% of the peak)", [100 * s.curve_error for s in scores]),
+        (axes[0], "error of the peak (%)", [100 * abs(one.peak_error) for one in scores]),
+        (axes[1], "rms error of the curve (% of the peak)", [100 * one.curve_error for one in scores]),
     ):
-        for number, (one, error) in enumerate(zip(scores, errors), 1):
-            marker = "osD^vP*X"[(number - 1) // 10 % 8]
-            ax.loglog(one.speed_up, max(error, 1e-2), marker, ms=7, label=f"{number} {one.name}")
-            ax.annotate(
-                str(number), (one.speed_up, max(error, 1e-2)), xytext=(5, 4), textcoords="offset points", fontsize=8
-            )
+        for one, error, style in zip(scores, errors, _styles(len(scores), kinds)):
+            ax.loglog(one.speed_up, max(error, 1e-2), ls="none", ms=7, **style)
+        if len(scores) <= FEW:
+            for number, (one, error) in enumerate(zip(scores, errors), 1):
+                place = (one.speed_up, max(error, 1e-2))
+                ax.annotate(str(number), place, xytext=(5, 4), textcoords="offset points", fontsize=8)
         ax.set(xlabel="times faster than the reference", ylabel=label)
         for axis in (ax.xaxis, ax.yaxis):
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter("{x:g}")
-        ax.tick_params(which="minor", labelsize=7)
+        ax.tick_params(which="minor", labelsize=6)
         ax.grid(alpha=0.3, which="both")
-    handles, labels = axes[0].get_legend_handles_labels()
     axes[2].axis("off")
-    axes[2].legend(handles, labels, loc="center left", fontsize=7, ncols=1 + len(scores) // 60)
+    if len(scores) <= FEW:
+        lines = axes[0].get_lines()
+        names = [f"{number} {one.name}" for number, one in enumerate(scores, 1)]
+    else:
+        lines, names = _legend(axes[2], kinds)
+    axes[2].legend(lines, names, loc="center left", fontsize=7)
     drawn.suptitle(title, fontsize=11)
     drawn.savefig(path, dpi=130)
+
+
+def _styles(count: int, kinds: Sequence[Sequence[str]]) -> list[dict[str, Any]]:
+    """Colour, marker and filling of each point."""
+    if count <= FEW:
+        return [{"color": f"C{k % 10}", "marker": MARKERS[k // 10]} for k in range(count)]
+    words = [list(dict.fromkeys(column)) for column in zip(*kinds)]
+    return [
+        {
+            "color": f"C{words[0].index(one) % 10}", "marker": MARKERS[words[1].index(two) % len(MARKERS)],
+            "mfc": "none" if words[2].index(three) else None, "alpha": 0.8,
+        }
+        for one, two, three in kinds
+    ]  # fmt: skip
+
+
+def _legend(ax: Any, kinds: Sequence[Sequence[str]]) -> tuple[list[Any], list[str]]:
+    """A line for each word: what its colour, marker or filling means."""
+    colours, markers, fillings = (list(dict.fromkeys(column)) for column in zip(*kinds))
+    looks: list[tuple[str, dict[str, Any]]]
+    looks = [(word, {"color": f"C{k % 10}", "marker": "o"}) for k, word in enumerate(colours)]
+    looks += [(word, {"color": "0.3", "marker": MARKERS[k % len(MARKERS)]}) for k, word in enumerate(markers)]
+    looks += [(word, {"color": "0.3", "marker": "o", "mfc": "none" if k else None}) for k, word in enumerate(fillings)]
+    return [ax.plot([], [], ls="none", ms=7, **look)[0] for _, look in looks], [word for word, _ in looks]

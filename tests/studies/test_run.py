@@ -129,3 +129,11 @@ def test_scores_are_shares_of_the_references_peak():
     assert one.curve_error == pytest.approx(0.1 * np.sqrt(np.mean(coarse**2)))
     with pytest.raises(ValueError, match="ends at 0.5"):
         accuracy.score("short", accuracy.Curve(0.5 * coarse, coarse, 1.0, 0.0), reference)
+
+
+@pytest.mark.parametrize("count", [3, 40])
+def test_few_and_many_scores_are_drawn(tmp_path, count):
+    scores = [accuracy.Score(f"s{k}", 1.0, 0.01 * (k + 1), 0.02, 0.0, 1.0, 1.0 + k) for k in range(count)]
+    kinds = [(f"region {k % 4}", f"variant {k % 5}", f"moduli {k % 2}") for k in range(count)]
+    accuracy.plot(scores, kinds, "title", tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size > 10_000
