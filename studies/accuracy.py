@@ -50,6 +50,9 @@ hold for every run; the settings come on top.
 )  # fmt: skip
 @click.option("--full", is_flag=True, help=f"A longer list of settings ({len(LONG)} instead of {len(SHORT)}).")
 @click.option(
+    "--repeats", default=1, type=int, metavar="NUMBER", help="Runs of each setting; the fastest counts.  [default: 1]"
+)
+@click.option(
     "--output", default="out/accuracy", metavar="FOLDER", help="Folder for the results.  [default: out/accuracy]"
 )
 @click.option("--quiet", is_flag=True, help="No progress and no table on standard output.")
