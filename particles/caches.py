@@ -17,8 +17,9 @@ def drop_stale(folder: Path, *others: Path) -> None:
     sources = [path for place in (folder, *others) for path in place.rglob("*.py")]
     newest = max(path.stat().st_mtime_ns for path in sources)
     places = [folder.rglob("__pycache__/*.nbi")]
-    if numba.config.CACHE_DIR:
-        places.append(Path(numba.config.CACHE_DIR).rglob("*.nbi"))
+    if numba.config.CACHE_DIR:  # there, each folder of sources has one that begins with its name
+        names = {path.parent.name for path in folder.rglob("*.py")}
+        places += [Path(numba.config.CACHE_DIR).glob(f"{name}_*/*.nbi") for name in names]
     for place in places:
         for index in place:
             # another process may be faster, or the folder belong to someone else
