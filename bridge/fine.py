@@ -241,7 +241,7 @@ class FineScale:
             self._terms = self.soil.prepare(self.step, steps, mass_damping=self.mass_damping, gravity=self._gravity)[1]
             self._arrange()
 
-    def _run(self, kernel, steps: int, before: tuple, after: tuple, first: int = -1, until: int | None = None) -> int:
+    def run_loop(self, kernel, steps: int, before: tuple, after: tuple, first: int = -1, until: int | None = None) -> int:
         """Call a loop until `until` (default all) substeps are done, with new lists on the way; the list is valid then."""
         until = steps if until is None else until
         while True:
@@ -270,11 +270,11 @@ class FineScale:
         after = (self._saved, self._reaction, self._previous, self._work)
         first = -1
         if remember and self.linear is None:
-            first = self._run(run_prescribed, steps, before, (steps - 1, *after), until=steps - 1)
+            first = self.run_loop(run_prescribed, steps, before, (steps - 1, *after), until=steps - 1)
             system = self.soil.system
             walls = None if system.walls is None else system.walls.history.copy()
             self._before = Before(system.history.copy(), walls, self.step * system.state[:, 2:5])
-        self._run(run_prescribed, steps, before, (-1, *after), first)
+        self.run_loop(run_prescribed, steps, before, (-1, *after), first)
 
     def run_slaved(self, velocity: Array, inverse_mass: Array, steps: int) -> tuple[Array, Array]:
         """Fine steps with interface nodes moved by the ghosts' reactions.
@@ -291,7 +291,7 @@ class FineScale:
         nodal = np.stack([np.zeros((len(own), 3)), velocity[own], self.nodal_acceleration])
         self._ghost_acceleration[:] = self.ghost_shape[:, own] @ self.nodal_acceleration
         after = (self._saved, self._reaction, self._ghost_acceleration, self._previous, self._work)
-        self._run(run_slaved, steps, (nodal, inverse_mass), after)
+        self.run_loop(run_slaved, steps, (nodal, inverse_mass), after)
         self.nodal_acceleration[:] = nodal[2]
         moved[own], reached[own] = nodal[0], nodal[1]
         return moved, reached
@@ -309,7 +309,7 @@ class FineScale:
         own = self.interface
         sums = np.empty((len(own), 3))
         before = (self._tie, start[own], end[own], nodal[own])
-        self._run(run_tied, steps, before, (self._shift, self._multiplier, sums, self._work))
+        self.run_loop(run_tied, steps, before, (self._shift, self._multiplier, sums, self._work))
         force[own] = sums
         return force
 

@@ -54,7 +54,8 @@ class LinearSystem:
         return motion + [(array, time * time) for array in self._rule.carried()]
 
     def _side_arrays(self, system):
-        return [system.sums, system.clock, system.force, *self._fine.own_arrays()]
+        plates = [] if system.walls is None else [system.walls.plates, system.walls.drive_step]
+        return [system.sums, system.clock, system.force, *plates, *self._fine.own_arrays()]
 
     def _local(self) -> NDArray[np.float64]:
         parts = [np.ravel(array) * scale for array, scale in self._arrays()]

@@ -196,7 +196,7 @@ class BridgedFoundation(_Foundation):
             self.body, self.soil, self.ghosts, share, step=self.step, substeps=substeps, variant=p.variant,
             mass_damping=p.damping,
         )  # fmt: skip
-        self.coupled.fine._run = stopwatch.part("particles", self.coupled.fine._run)  # type: ignore[method-assign]
+        self.coupled.fine.run_loop = stopwatch.part("particles", self.coupled.fine.run_loop)  # type: ignore[method-assign]
         self.step_sizes = {
             "coarse": self.step, "coarse_critical": coarse_critical,
             "fine": self.step / substeps, "fine_critical": fine_critical,
