@@ -98,7 +98,7 @@ class Assembly:
         self._rows = np.arange(count, dtype=np.int32)  # row of each id
         self._ghost = np.zeros(count, dtype=bool)
         self._external: np.ndarray | None = None
-        self._plate_rows = np.zeros((0, 12))
+        self._plate_rows: np.ndarray = np.zeros((0, 12))
         self._primed: tuple | None = None
         self._loads: tuple[dict[str, Any], Terms] | None = None  # of the last run
         self._step = 0.0
@@ -139,7 +139,7 @@ class Assembly:
             ids = np.zeros(count, dtype=np.int32) if materials is None else np.array(materials, dtype=np.int32)
             if ids.shape != (count,) or (ids < 0).any():
                 raise ValueError(f"materials must be {count} ids from 0 upwards, one for each disc")
-            kinds = 1 + max([*(max(pair) for pair in self.laws), *ids.tolist()], default=0)
+            kinds = 1 + max(max(max(pair) for pair in self.laws), int(ids.max(initial=0)))
             table = np.zeros((kinds, kinds, COLUMNS))
             present = np.unique(ids)
             for a in present:
@@ -307,8 +307,9 @@ class Assembly:
         corners = np.concatenate([plate.corners for plate in self.plates])
         ends = np.cumsum([0] + [len(plate.corners) for plate in self.plates]).astype(np.int32)
         constants = np.array([plate.constants(self.laws, self._material_count) for plate in self.plates])
-        known = np.array([law.row() for law in self.laws.values()]).any(axis=0)
-        if (constants.any(axis=(0, 1)) & ~known)[[1, 2, 4, 5, 7, 8, 10]].any():
+        known = np.atleast_1d(np.array([law.row() for law in self.laws.values()]).any(axis=0))
+        wanted = np.atleast_1d(constants.any(axis=(0, 1)))
+        if (wanted & ~known)[[1, 2, 4, 5, 7, 8, 10]].any():
             raise ValueError("law of a plate has a channel or dashpot that no law of the discs has; add a small one there")
         none = np.zeros(0, dtype=np.int32)
         old = self._system.walls
