@@ -19,7 +19,11 @@ class _Variant:
         self.step, self.damping = coupled.step, coupled.mass_damping
         self.damper = 1.0 + 0.5 * self.damping * self.step
         self.covered = exchange.gather(body.mass)[:, 0] <= 0.0  # needed nodes without continuum mass
-        fine.set_interface(self.covered, coupled.on_outline())
+        lost = body.comm.allreduce(fine.set_interface(self.covered, coupled.on_outline()))
+        if lost:
+            raise ValueError(
+                f"{lost} ghosts lie in covered elements: leave the same region out of the body as was given to the layout"
+            )
         self.mass = self._coarse_mass(body.mass.copy())
         movable = (self.mass > 0.0) & ~body.fixed
         self.inverse_mass = np.divide(1.0, self.mass, out=np.zeros_like(self.mass), where=movable)

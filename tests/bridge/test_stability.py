@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bridge import Growth, growth
+from bridge import BridgingScale, Growth, growth
 from tests.bridge.scenes import ELASTIC, GRANULAR, scene
 
 RADIUS = 0.125 / np.sqrt(2.0)  # four rows of the turned lattice in a metre
@@ -75,6 +75,14 @@ def test_energy_balance_closes_and_the_error_falls_with_the_step(variant):
 def test_slaved_nodes_lose_nothing_at_the_interface():
     energies = balance("respa", 1, substeps=4)
     assert abs(energies["interface"]) < 1e-12 * energies["external"]
+
+
+def test_ghosts_inside_the_covered_elements_are_refused():
+    coupled, layout = scene(**SMALL, step=1e-4)
+    ghosts = layout.ghost.copy()
+    ghosts[np.argmin(np.linalg.norm(coupled.soil.reference - [2.0, 2.5], axis=1))] = True
+    with pytest.raises(ValueError, match="1 ghosts lie in covered elements"):
+        BridgingScale(coupled.body, coupled.soil, ghosts, step=1e-4)
 
 
 def test_bad_settings_are_named():
