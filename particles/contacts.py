@@ -6,7 +6,7 @@ import math
 
 from numba import njit
 
-from particles.laws.li_chu import law_of, release, respond
+from particles.laws.li_chu import law_between, release, respond
 from particles.system import FAST, POWER
 
 
@@ -18,14 +18,6 @@ def turn_of(cross, dot):
         square = ratio * ratio
         return ratio * (1.0 - square * (1.0 / 3.0 - square * (0.2 - square / 7.0)))
     return math.atan2(cross, dot)
-
-
-@njit(cache=True, fastmath=FAST)
-def _law_between(law, table, material, i, j):
-    """Constants of the pair: one law for all, or by the materials of the two discs."""
-    if table is None:
-        return law
-    return law_of(law, table[material[i], material[j]])
 
 
 @njit(cache=True, fastmath=FAST)
@@ -84,7 +76,7 @@ def pair_forces(force, history, sums, state, acceleration, start, neighbour, mat
                 rate_j = spin_j + half * acceleration[j, 2]
                 slide_rate = ry * nx - rx * ny - arm_i * rate_i - arm_j * rate_j
                 normal, shear, couple, taken = respond(
-                    _law_between(law, table, material, i, j), history, pair, overlap, rx * nx + ry * ny,
+                    law_between(law, table, material, i, j), history, pair, overlap, rx * nx + ry * ny,
                     slide, slide_rate, mean_radius, rolling_radius, step * (spin - spin_j), rate_i - rate_j, sums,
                 )  # fmt: skip
                 power += taken
@@ -97,7 +89,7 @@ def pair_forces(force, history, sums, state, acceleration, start, neighbour, mat
                 force[j, 1] -= py
                 force[j, 2] += arm_j * shear + couple
             else:
-                release(_law_between(law, table, material, i, j), history, pair, sums)
+                release(law_between(law, table, material, i, j), history, pair, sums)
         force[i, 0] += fx
         force[i, 1] += fy
         force[i, 2] += torque

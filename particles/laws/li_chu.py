@@ -11,7 +11,8 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 
 from particles.system import FAST, FRICTION_MOMENT, FRICTION_ROLLING, FRICTION_SLIDING, LOSS
 
@@ -120,18 +121,32 @@ def compile_law(laws: list[LiChu]) -> Law:
     return Law(float(rows[0, 0]), damping, channel(2), channel(5), channel(8), float(rows[0, 11]), literal)
 
 
-@njit(cache=True)
 def _damping_of(template, value):
-    if template is None:
-        return None
-    return value
+    """The value where the template has a dashpot; decided when the loops are compiled."""
+    return None if template is None else value
 
 
-@njit(cache=True)
+@overload(_damping_of)
+def _compiled_damping_of(template, value):
+    if isinstance(template, types.NoneType):
+        return lambda template, value: None
+    return lambda template, value: value
+
+
 def _channel_of(template, row, first):
+    """The channel read from a row where the template has it; decided when the loops are compiled."""
     if template is None:
         return None
     return Channel(row[first], row[first + 1], _damping_of(template.damping, row[first + 2]))
+
+
+@overload(_channel_of)
+def _compiled_channel_of(template, row, first):
+    if isinstance(template, types.NoneType):
+        return lambda template, row, first: None
+    return lambda template, row, first: Channel(
+        row[first], row[first + 1], _damping_of(template.damping, row[first + 2])
+    )
 
 
 @njit(cache=True)
@@ -146,6 +161,18 @@ def law_of(template, row):
         row[11],
         template.literal,
     )
+
+
+def law_between(law, table, material, i, j):
+    """Constants of a pair of discs: one law for all, or by their materials; decided when the loops are compiled."""
+    return law if table is None else law_of(law, table[material[i], material[j]])
+
+
+@overload(law_between)
+def _compiled_law_between(law, table, material, i, j):
+    if isinstance(table, types.NoneType):
+        return lambda law, table, material, i, j: law
+    return lambda law, table, material, i, j: law_of(law, table[material[i], material[j]])
 
 
 @njit(cache=True, fastmath=FAST)
