@@ -6,7 +6,6 @@ Rank 0 holds all particles; the continuum is spread over the ranks. Every method
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +15,7 @@ from mpi4py import MPI
 from bridge.run import Stopwatch, on_root
 from studies import foundation as scene
 from studies.foundation import AVERAGING, Parameters
+from studies.foundation_steps import warn_of_growth
 from studies.snapshots import Snapshot, continuum_fields, particle_fields
 
 UNSTABLE = 3  # exit status
@@ -224,26 +224,9 @@ class BridgedFoundation(_Foundation):
                 f"critical step of {coarse_critical:.4g} s"
             )
         self._plan(substeps * fine, coarse_critical)
-        self._warn(substeps)
+        mean_radius = float(np.mean(on_root(self.comm, lambda: self.soil.radii)))
+        warn_of_growth(p, substeps, self.step / coarse_critical, mean_radius)
         return substeps
-
-    def _warn(self, substeps: int) -> None:
-        """Say where theory or experience expects growth, without the test (`grows`)."""
-        p = self.p
-        if p.variant == "paper" and substeps > 2:
-            warnings.warn(
-                f"variant=paper with substeps={substeps}: the micro-rotation of covered elements limits the coarse step; "
-                "take at most 2 substeps or see --growth-test",
-                stacklevel=3,
-            )
-        masses = p.density * math.pi * float(np.mean(on_root(self.comm, lambda: self.soil.radii)) ** 2)
-        enough = 0.05 * math.sqrt(p.normal_stiffness / masses)
-        if p.variant != "multiplier" and p.damping < 0.99 * enough:
-            warnings.warn(
-                f"variant={p.variant} with damping={p.damping:g} 1/s may grow: it wants {enough:.0f} 1/s, "
-                "0.05 sqrt(k_N/m); take variant=multiplier, more damping, or see --growth-test",
-                stacklevel=3,
-            )
 
     def grows(self) -> Any:
         """The growth test of the linearised system, with a warning where it grows; takes a while."""

@@ -1,5 +1,8 @@
 """The foundation's scene: counts of the paper, supports, moduli, steps that end at the displacement."""
 
+import dataclasses
+import warnings
+
 import numpy as np
 import pytest
 
@@ -78,8 +81,28 @@ def test_steps_above_the_limit_are_refused(bad, sentence):
 
 
 def test_a_variant_that_may_grow_is_warned_of():
-    with pytest.warns(UserWarning, match="may grow"):
-        MODELS["bridging"](Parameters(radius=0.2, variant="respa", damping=1.0), Stopwatch())
+    with pytest.warns(UserWarning, match="damping=1 1/s may grow"):
+        MODELS["bridging"](Parameters(radius=0.2, variant="resync", damping=1.0), Stopwatch())
+
+
+@pytest.mark.parametrize("variant", ["respa", "multiplier"])
+def test_the_sound_variants_are_warned_of_near_the_critical_step_alone(variant):
+    """Neither needs damping; neither has been seen to grow up to 0.7 of the continuum's critical step."""
+    p = Parameters(radius=0.2, variant=variant, damping=0.0, region="6x3")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        sizes = MODELS["bridging"](p, Stopwatch()).step_sizes
+    near = dataclasses.replace(p, step=0.9 * sizes["coarse_critical"] / 3, substeps=3)
+    with pytest.warns(UserWarning, match=r"of 0\.\d+ of the continuum's critical step may grow; .*--growth-test"):
+        MODELS["bridging"](near, Stopwatch())
+
+
+def test_the_default_variant_keeps_the_energy_at_the_interface():
+    """The multiplier loses energy there for more than one substep; respa does not (to rounding of the sums)."""
+    done = carry_out(set_up(Parameters(radius=0.2, displacement=0.02, substeps=2)), figures=False, progress=False)
+    energy = done.summary["energy"]
+    assert done.parameters.variant == "respa"
+    assert abs(energy["interface"]) < 1e-6 * energy["external_work"]
 
 
 def test_frames_hold_the_papers_states_and_the_ends():
