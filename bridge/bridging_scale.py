@@ -5,10 +5,11 @@ One coarse step takes `substeps` particle steps. The variants (`bridge.variants`
 `paper`       eqs 15-16, 25-34 as published: every node is a coarse unknown, in the covered block the mass is N^T Mp N and the
               force N^T F(N d + Q q); ghosts follow the mesh with constant acceleration.
 `resync`      as `paper` with F(q); nodes strictly inside the covered block then take the projection of q.
-`respa`       only nodes with continuum mass are coarse unknowns; the continuum kicks them at the coarse times, the ghosts'
-              contact forces move them in every substep (impulse multi-stepping, Tuckerman et al. 1992).
+`respa`       (default) only nodes with continuum mass are coarse unknowns; the continuum kicks them at the coarse times, the
+              ghosts' contact forces move them in every substep (impulse multi-stepping, Tuckerman et al. 1992). Keeps linear
+              momentum; loses nothing at the interface; may grow slowly above 0.7 of the continuum's critical step.
 `multiplier`  only nodes with continuum mass are coarse unknowns; ghosts are particles whose velocities are tied to the mesh by
-              multipliers in every substep (Gravouil & Combescure 2001). No growth; dissipates at the interface for m > 1.
+              multipliers in every substep (Gravouil & Combescure 2001). Dissipates at the interface for more than one substep.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from mpi4py import MPI
 
 from bridge.fine import FineScale
-from bridge.interpolation import Interpolation
+from bridge.interpolation import Interpolation, on_every_rank
 from bridge.variants import VARIANTS
 
 
@@ -35,10 +36,12 @@ class BridgingScale:
         substeps: Particle steps in a coarse step.
         variant: One of `VARIANTS`.
         mass_damping: c_m of both scales, 1/s.
-        gravity: Acceleration of both scales, m/s2.
+
+    Supports, loads and gravity are those of the body and must be set before; its gravity acts on the particles too.
 
     Raises:
-        ValueError: for an unknown variant, a body without micro-rotation, or sizes that do not match.
+        ValueError: for an unknown variant, a body without micro-rotation or whose excluded region is not that of the particles,
+            a step above the critical one of either side, or sizes that do not match.
     """
 
     def __init__(
@@ -50,9 +53,8 @@ class BridgingScale:
         *,
         step: float,
         substeps: int = 1,
-        variant: str = "multiplier",
+        variant: str = "respa",
         mass_damping: float = 0.0,
-        gravity: tuple[float, float] = (0.0, 0.0),
     ):
         if variant not in VARIANTS:
             raise ValueError(f"variant={variant!r} must be one of {', '.join(VARIANTS)}")
@@ -63,23 +65,80 @@ class BridgingScale:
         for name, value, least in (("step", step, np.nextafter(0.0, 1.0)), ("mass_damping", mass_damping, 0.0)):
             if not (np.isfinite(value) and value >= least):
                 raise ValueError(f"{name}={value} must be {'positive' if least else 'zero or positive'} and finite")
-        ghosts = np.asarray(ghosts, dtype=bool)
-        if ghosts.shape != (soil.count,):
-            raise ValueError(f"ghosts has shape {ghosts.shape}, must be ({soil.count},): one entry a particle")
         self.body, self.soil, self.variant = body, soil, variant
         self.step, self.substeps, self.mass_damping = float(step), int(substeps), float(mass_damping)
         self.time, self.coarse_steps = 0.0, 0
+        on_every_rank(body.comm, lambda: self._check_particles(ghosts, share))
+        ghosts = np.asarray(ghosts, dtype=bool)
+        share = np.broadcast_to(np.asarray(share, dtype=np.float64), (int(ghosts.sum()),))
+        self._check_steps()
         self.interpolation = Interpolation(body, soil.reference)
         self.exchange = self.interpolation.exchange
-        share = np.broadcast_to(np.asarray(share, dtype=np.float64), (int(ghosts.sum()),))
         self.fine = FineScale(
-            soil, ghosts, share, self.interpolation.matrix, self.step / self.substeps, mass_damping, gravity
+            soil,
+            ghosts,
+            share,
+            self.interpolation.matrix,
+            self.step / self.substeps,
+            mass_damping,
+            body.gravity_acceleration,
         )
+        self._revision = body.boundaries.revision
         self.rule = VARIANTS[variant](self)
         self._initial = self._terms()
 
+    def _check_particles(self, ghosts, share) -> None:
+        """Raise a ValueError where this rank's particles, ghosts and shares do not fit together or to the body."""
+        soil, body = self.soil, self.body
+        ghosts, share = np.asarray(ghosts), np.asarray(share, dtype=np.float64)
+        if ghosts.shape != (soil.count,) or ghosts.dtype != bool:
+            raise ValueError(
+                f"ghosts of shape {ghosts.shape} and kind {ghosts.dtype} must be ({soil.count},) bools, one a particle"
+            )
+        if share.shape not in ((), (int(ghosts.sum()),)) or not np.all((share >= 0.0) & (share <= 1.0)):
+            raise ValueError(
+                f"share of shape {share.shape} must be a number from 0 to 1 for each of the {ghosts.sum()} ghosts"
+            )
+        if body.excluded is None:
+            raise ValueError("the body carries the particles' region as well: give that region as its `excluded`")
+        inside = body.excluded.distance(soil.reference) < -1e-6 * soil.radii
+        if np.any(inside == ghosts):
+            first = int(np.flatnonzero(inside == ghosts)[0])
+            kind = "a ghost but lies inside" if inside[first] else "no ghost but lies outside"
+            raise ValueError(
+                f"particle {first} at {soil.reference[first]} m is {kind} the body's excluded region: give body and layout the same one"
+            )
+
+    def _check_steps(self) -> None:
+        """Raise a ValueError where a step exceeds what its side can take by itself (collective)."""
+        body, fine = self.body, self.step / self.substeps
+        limit = self.soil.critical_step()
+        if fine > limit:
+            limit = self.soil.critical_step(sharp=True)
+        limit = body.comm.allreduce(limit, op=MPI.MIN)
+        if fine > limit:
+            raise ValueError(
+                f"step={self.step:g} s in {self.substeps} substeps: {fine:.4g} s must be at most the particles' {limit:.4g} s"
+            )
+        if not body.comm.allreduce(int(np.any(body.mass > 0.0))):
+            return  # particles everywhere
+        if self.step > body.critical_step() and self.step > (limit := body.critical_step("power")):
+            raise ValueError(
+                f"step={self.step:g} s must be at most the continuum's critical step of {limit:.4g} s; take fewer substeps"
+            )
+
     def advance(self, steps: int) -> None:
-        """Take that many coarse steps."""
+        """Take that many coarse steps.
+
+        Raises:
+            ValueError: for a negative number, or when supports or loads of the body were changed meanwhile.
+        """
+        if steps < 0:
+            raise ValueError(f"steps={steps} must be zero or positive")
+        if self.body.boundaries.revision != self._revision:
+            raise ValueError(
+                "supports, loads and gravity of the body must be set before BridgingScale is made: make a new one"
+            )
         for _ in range(steps):
             self.rule.advance()
             self.time += self.step

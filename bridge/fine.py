@@ -62,7 +62,7 @@ class FineScale:
         self.covered = np.asarray(covered)
         self.interface = np.unique(self.ghost_shape.indices)
         count, width = len(self.ids), len(self.interface)
-        self._saved, self._reaction, self._multiplier = np.zeros((count, 8)), np.zeros((count, 3)), np.zeros((count, 3))
+        self._saved, self.reaction, self._multiplier = np.zeros((count, 8)), np.zeros((count, 3)), np.zeros((count, 3))
         self._ghost_acceleration, self._shift = np.zeros((count, 3)), np.zeros((count, 3))
         self.nodal_acceleration = np.zeros((width, 3))  # of interface nodes by the ghosts' reactions
         self.edge_stiffness = None
@@ -70,7 +70,7 @@ class FineScale:
             self._set_edge_stiffness(np.flatnonzero(np.asarray(outline)[self.ids]))
             self.soil.set_ghosts(self.ids)
             self._prepare(1)
-            self._reaction[:] = self.soil.system.force[self._ghosts.rows] - self._ghosts.load
+            self.reaction[:] = self.soil.system.force[self._ghosts.rows] - self._ghosts.load
         return int(np.count_nonzero(self.ghost_shape @ self.covered.astype(float)))
 
     def _set_edge_stiffness(self, edge) -> None:
@@ -238,7 +238,9 @@ class FineScale:
             self._terms = self.soil.prepare(self.step, steps, mass_damping=self.mass_damping, gravity=self._gravity)[1]
             self._arrange()
 
-    def run_loop(self, kernel, steps: int, before: tuple, after: tuple, first: int = -1, until: int | None = None) -> int:
+    def run_loop(
+        self, kernel, steps: int, before: tuple, after: tuple, first: int = -1, until: int | None = None
+    ) -> int:
         """Call a loop until `until` (default all) substeps are done, with new lists on the way; the list is valid then."""
         until = steps if until is None else until
         while True:
@@ -264,7 +266,7 @@ class FineScale:
         self._set_ghost_velocity(velocity)
         self._ghost_acceleration[:] = self.ghost_shape @ acceleration
         before = (self._ghost_acceleration,)
-        after = (self._saved, self._reaction, self._previous, self._work)
+        after = (self._saved, self.reaction, self._previous, self._work)
         first = -1
         if remember and self.linear is None:
             first = self.run_loop(run_prescribed, steps, before, (steps - 1, *after), until=steps - 1)
@@ -287,7 +289,7 @@ class FineScale:
         own, inverse_mass = self.interface, inverse_mass[self.interface]
         nodal = np.stack([np.zeros((len(own), 3)), velocity[own], self.nodal_acceleration])
         self._ghost_acceleration[:] = self.ghost_shape[:, own] @ self.nodal_acceleration
-        after = (self._saved, self._reaction, self._ghost_acceleration, self._previous, self._work)
+        after = (self._saved, self.reaction, self._ghost_acceleration, self._previous, self._work)
         self.run_loop(run_slaved, steps, (nodal, inverse_mass), after)
         self.nodal_acceleration[:] = nodal[2]
         moved[own], reached[own] = nodal[0], nodal[1]
@@ -327,7 +329,7 @@ class FineScale:
 
     def own_arrays(self) -> list[Array]:
         """Arrays of this class that the substeps write (kept and restored around a linear analysis)."""
-        return [self._reaction, self._multiplier, self._work, self._previous] if self.soil.count else []
+        return [self.reaction, self._multiplier, self._work, self._previous] if self.soil.count else []
 
     def _set_ghost_velocity(self, velocity: Array) -> None:
         self.soil.system.state[self._ghosts.rows, 2:5] = self.ghost_shape @ velocity

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+def on_every_rank(comm, check: Callable[[], None]) -> None:
+    """Run a check of local data; a ValueError on any rank is raised on all, so that none waits for ever (collective)."""
+    problem = None
+    try:
+        check()
+    except ValueError as error:
+        problem = str(error)
+    problems = [words for words in comm.allgather(problem) if words is not None]
+    if problems:
+        raise ValueError(problems[0])
 
 
 class NodeExchange:

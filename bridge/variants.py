@@ -206,6 +206,13 @@ class MultiplierVariant(_Variant):
 
     def __init__(self, coupled):
         super().__init__(coupled)
+        weight = self.fine.ghost_mass_at_nodes(
+            1.0 - self.fine.share
+        )  # of the ghosts' outside parts: they carry it themselves
+        weight *= [*self.body.gravity_acceleration, 0.0]
+        self.external = self.external.copy()
+        self.exchange.scatter(-weight, self.external)
+        self.update_continuum_force()
         self._mobility = 0.5 * self.step / self.damper * self.inverse_mass  # link force to velocity, s/kg
         self.fine.set_tie(self.exchange.gather(self._mobility))
         self.body.acceleration[:] = self.continuum_force * self.inverse_mass

@@ -263,6 +263,11 @@ class Body:
         self.boundaries.gravity(acceleration)
 
     @property
+    def gravity_acceleration(self) -> tuple[float, float]:
+        """Body force per unit mass (g_x, g_y), m/s2."""
+        return self.boundaries.gravity_acceleration
+
+    @property
     def fixed(self) -> np.ndarray:
         """True (n_owned, components) where a component is prescribed."""
         return self.boundaries.fixed

@@ -65,6 +65,11 @@ class Boundaries:
         return np.flatnonzero(marked)
 
     @property
+    def gravity_acceleration(self) -> tuple[float, float]:
+        """Body force per unit mass (g_x, g_y), m/s2."""
+        return float(self._gravity[0]), float(self._gravity[1])
+
+    @property
     def moving(self) -> bool:
         """Whether any motion is other than rest."""
         return any(callable(motion) or motion != 0.0 for motion in self._motions)

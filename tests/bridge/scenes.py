@@ -33,6 +33,7 @@ def scene(
     fixed=("bottom", "left", "right"),
     plate=None,
     micro_inertia="scaled",
+    gravity=(0.0, 0.0),
     comm=MPI.COMM_WORLD,
     **options,
 ):
@@ -48,6 +49,7 @@ def scene(
     body = Body(domain, CosseratModuli(stiffness, couple, density), micro_inertia, radius, excluded=region)
     for side in fixed:
         body.fix(side, "xyr")
+    body.gravity(gravity)
     if plate is not None:
         soil.add_wall(Plate.rectangle(*plate[:2], velocity=plate[2]))
     return BridgingScale(body, soil, layout.ghost[mine], layout.share[mine], **options), layout

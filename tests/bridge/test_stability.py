@@ -77,12 +77,49 @@ def test_slaved_nodes_lose_nothing_at_the_interface():
     assert abs(energies["interface"]) < 1e-12 * energies["external"]
 
 
-def test_ghosts_inside_the_covered_elements_are_refused():
+def test_particles_that_do_not_fit_the_body_are_refused():
     coupled, layout = scene(**SMALL, step=1e-4)
-    ghosts = layout.ghost.copy()
-    ghosts[np.argmin(np.linalg.norm(coupled.soil.reference - [2.0, 2.5], axis=1))] = True
-    with pytest.raises(ValueError, match="1 ghosts lie in covered elements"):
-        BridgingScale(coupled.body, coupled.soil, ghosts, step=1e-4)
+    body, soil, ghosts = coupled.body, coupled.soil, layout.ghost
+    wrong = ghosts.copy()
+    wrong[np.argmin(np.linalg.norm(soil.reference - [2.0, 2.5], axis=1))] = True
+    for arguments, words in [
+        ((wrong, 0.5), "is a ghost but lies inside the body's excluded region"),
+        ((~ghosts, 0.5), "is no ghost but lies outside|is a ghost but lies inside"),
+        ((ghosts[:-1], 0.5), "ghosts of shape"),
+        ((ghosts, np.nan), "share of shape"),
+        ((ghosts, 2.0), "share of shape"),
+        ((ghosts, layout.share[:-1]), "share of shape"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            BridgingScale(body, soil, *arguments, step=1e-4)
+    with pytest.raises(ValueError, match="must be at most the particles'"):
+        BridgingScale(body, soil, ghosts, step=2e-3)
+    with pytest.raises(ValueError, match="must be at most the continuum's critical step"):
+        BridgingScale(body, soil, ghosts, step=4e-3, substeps=40)
+
+
+def test_changes_of_the_body_after_the_coupling_are_refused():
+    coupled, _ = scene(**SMALL, step=1e-4)
+    with pytest.raises(ValueError, match="steps=-1 must be"):
+        coupled.advance(-1)
+    coupled.body.traction("top", (0.0, -1e4))
+    with pytest.raises(ValueError, match="must be set before BridgingScale is made"):
+        coupled.advance(1)
+
+
+@pytest.mark.parametrize("variant", ["paper", "resync", "respa", "multiplier"])
+def test_gravity_counts_every_mass_once(variant):
+    """Weight that the nodes feel at rest, and that of the particles: g times the mass of continuum, particles and shares."""
+    coupled, layout = scene(**SMALL, gravity=(0.0, -10.0), step=1e-4, substeps=2, variant=variant)
+    soil, ghosts = coupled.soil, layout.ghost
+    particles = np.sum(soil.masses[~ghosts]) + np.sum(layout.share * soil.masses[ghosts])
+    total = -10.0 * (coupled.body.mass[:, 1].sum() + particles)
+    loads = coupled.rule.continuum_force[:, 1].sum()
+    if variant == "multiplier":
+        loads += coupled.soil.forces[:, 1].sum()  # tied ghosts carry all of their weight
+    else:
+        loads += coupled.soil.forces[~ghosts, 1].sum() + coupled.fine.reaction[:, 1].sum()
+    assert loads == pytest.approx(total, rel=1e-12)
 
 
 def test_bad_settings_are_named():
