@@ -7,8 +7,9 @@ import json
 import math
 import os
 import platform
+import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -20,15 +21,39 @@ from mpi4py import MPI
 from bridge.run import on_root
 
 
+def check_folder(path: str | os.PathLike, comm: Any = MPI.COMM_WORLD) -> Path:
+    """See whether an output folder can be made and written to, without making it (collective).
+
+    Raises:
+        ValueError: on every rank, where it cannot, or the name is empty.
+    """
+
+    def look() -> Path:
+        if not str(path).strip():
+            raise ValueError("output= is empty; it must name a folder")
+        folder = Path(path)
+        try:
+            there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+        except (OSError, ValueError) as failure:  # a name too long, or with a zero byte
+            raise ValueError(f"output={folder} cannot be written to ({failure})") from None
+        if not there.is_dir():
+            raise ValueError(f"output={folder} cannot be written to ({there} is no folder)")
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise ValueError(f"output={folder} cannot be written to (no permission to write to {there})")
+        return folder
+
+    return on_root(comm, look)
+
+
 def prepare_folder(path: str | os.PathLike, comm: Any = MPI.COMM_WORLD) -> Path:
     """Make the output folder and see that files can be written there (collective).
 
     Raises:
         ValueError: on every rank, where that fails.
     """
+    folder = check_folder(path, comm)
 
     def make() -> Path:
-        folder = Path(path)
         try:
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder):
@@ -40,11 +65,22 @@ def prepare_folder(path: str | os.PathLike, comm: Any = MPI.COMM_WORLD) -> Path:
     return on_root(comm, make)
 
 
-def clear(folder: Path) -> None:
-    """Remove what an earlier run left in a folder, so that no old file passes for a new one."""
-    for pattern in ("summary.json", "history.csv", "*.png", "fields/*.vtu", "fields/*.pvd"):
-        for old in folder.glob(pattern):
-            old.unlink()
+def clear(folder: Path, names: Iterable[str], series: Iterable[str] = ()) -> None:
+    """Remove what an earlier run left in a folder, so that no old file passes for a new one; nothing else is touched.
+
+    Args:
+        folder: Of the run.
+        names: Of its files.
+        series: Names of its `Series` in the folder `fields`.
+    """
+    old = [folder / name for name in names]
+    for name in series:
+        old.append(folder / "fields" / f"{name}.pvd")
+        numbered = re.compile(re.escape(name) + r"_\d{3,}\.vtu")
+        old += [file for file in folder.glob(f"fields/{name}_*.vtu") if numbered.fullmatch(file.name)]
+    for file in old:
+        if file.is_file():
+            file.unlink()
 
 
 def write_text(path: Path, text: str) -> None:

@@ -13,6 +13,7 @@ from studies.foundation import Parameters
 from studies.options import click_options
 
 SAMPLES = 240  # of each load curve
+FILES = ("accuracy.txt", "accuracy.csv", "accuracy.json", "accuracy.png")
 REGIONS = ("6x3", "7x3.5", "8x4", "10x5")
 SHORT: list[dict[str, Any]] = [
     *({"region": region} for region in REGIONS),
@@ -69,11 +70,15 @@ def command(study: str, settings: str | None, full: bool, repeats: int, output: 
     from mpi4py import MPI
 
     from bridge import accuracy
-    from bridge.output import prepare_folder, write_json, write_text
+    from bridge.output import check_folder, clear, prepare_folder, write_json, write_text
     from studies.foundation_run import carry_out, set_up
 
     comm = MPI.COMM_WORLD
-    folder = prepare_folder(Path(output))
+    folder = check_folder(output)
+    first = set_up(base)  # what is wrong with the reference is wrong with all
+    prepare_folder(folder)
+    if comm.rank == 0:
+        clear(folder, FILES)
     scores: list[accuracy.Score] = []
     kept: list[dict[str, Any]] = []
     reference: accuracy.Curve | None = None
@@ -86,8 +91,14 @@ def command(study: str, settings: str | None, full: bool, repeats: int, output: 
         name = "particles everywhere" if reference is None else label(setting)
         try:
             runs = [
-                carry_out(set_up(p), samples=SAMPLES, frames=0, figures=False, progress=not quiet)
-                for _ in range(repeats)
+                carry_out(
+                    first if p is base and k == 0 else set_up(p),
+                    samples=SAMPLES,
+                    frames=0,
+                    figures=False,
+                    progress=not quiet,
+                )
+                for k in range(repeats)
             ]
         except ValueError as refused:  # steps that do not fit are known only when the scene is there
             say(f"Warning: setting {name} is left out: {refused}")

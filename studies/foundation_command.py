@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 from typing import Any
 
 import click
@@ -52,9 +51,9 @@ def command(
         for method in ("dem", "bridging", "fem"):
             dataclasses.replace(parameters, method=method)
 
-    from bridge.output import prepare_folder
+    from bridge.output import check_folder
 
-    folder = prepare_folder(Path(output))
+    folder = check_folder(output)  # made when all checks and the set-up have passed
     options: dict[str, Any] = {
         "samples": samples, "frames": 0 if no_fields else frames, "figures": not no_figures, "progress": not quiet
     }  # fmt: skip

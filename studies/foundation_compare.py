@@ -15,8 +15,9 @@ from bridge import output
 from studies.foundation import METHODS, Parameters
 from studies.foundation_command import unstable
 from studies.foundation_report import ROWS, number
-from studies.foundation_run import PUBLISHED, UNITS, Finished, carry_out, set_up
+from studies.foundation_run import PICTURES, PUBLISHED, UNITS, Finished, carry_out, set_up
 
+FILES = ("comparison.txt", "comparison.csv", "comparison.json", *PICTURES)
 NOTE = """\
 diff. = bridging scale against particles. Loads after the peak scatter by about 30 per cent with any perturbation (time step,
 mesh, region): compare peaks. Stresses are averages over circles of 2.5 largest radii, strains those of single discs (in assembly
@@ -31,11 +32,13 @@ def compare_methods(p: Parameters, folder: Path, options: dict[str, Any], growth
         Exit status: 0, or 3 where a run became unstable.
     """
     comm = MPI.COMM_WORLD
-    folders = {method: output.prepare_folder(folder / method, comm) for method in METHODS}
     ready = [set_up(dataclasses.replace(p, method=method), growth_test, comm) for method in METHODS]
+    output.prepare_folder(folder, comm)
+    if comm.rank == 0:
+        output.clear(folder, FILES)
     runs: list[Finished] = []
     for prepared in ready:  # all are set up before the first one runs: bad input costs no time
-        done = carry_out(prepared, folders[prepared.parameters.method], **options)
+        done = carry_out(prepared, folder / prepared.parameters.method, **options)
         if not done.outcome.stable:
             return unstable(done.outcome.message)
         runs.append(done)

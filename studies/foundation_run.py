@@ -18,6 +18,12 @@ from studies.foundation import PAPER_STATES, Parameters
 from studies.foundation_models import MODELS
 from studies.snapshots import Snapshot
 
+PICTURES = (
+    "load_displacement.png", "volumetric_stress.png", "effective_stress.png", "volumetric_strain.png",
+    "effective_strain.png", "contact_forces.png", "velocities.png",
+)  # fmt: skip
+FILES = ("summary.json", "history.csv", *PICTURES)  # of a run, beside the series
+SERIES = ("particles", "contacts", "continuum")
 LARGEST_ERROR = 0.01  # of the energy balance, as a share of the external work, before a run is called doubtful
 LARGEST_GAIN = 0.1  # of the external work, from the interface, before a run is called doubtful
 # Li & Wan (2010), table 2 (assembly A, end of loading) and the peak of assembly A in figure 3
@@ -107,18 +113,20 @@ def carry_out(
 
     Args:
         prepared: By `set_up`.
-        folder: Output folder, made by `bridge.output.prepare_folder`; None writes nothing.
+        folder: Output folder, made if need be; None writes nothing.
         samples: Rows of the history.
         frames: Times of the field files, beside the paper's states; 0 writes no fields.
         figures: Whether pictures are drawn.
         progress: Show a bar on terminals.
     """
     p, model, watch = prepared.parameters, prepared.model, prepared.watch
+    if folder is not None:
+        folder = output.prepare_folder(folder, model.comm)
     snapshots: list[Snapshot] = []
     root = model.comm.rank == 0
     writes = folder if root else None
     if writes is not None:
-        output.clear(writes)
+        output.clear(writes, FILES, SERIES)
     history = output.HistoryFile(writes / "history.csv") if writes else None
     series = FieldSeries(writes / "fields") if writes and frames else None
 

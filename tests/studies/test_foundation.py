@@ -86,6 +86,17 @@ def test_fields_are_series_on_one_time_axis(compared, method):
     assert times[0] == 0.0 and times[-1] == pytest.approx(0.004)
 
 
+def test_a_run_clears_away_every_kind_of_file_that_it_writes(compared):
+    """Else an old file would pass for a new one: the names are a list of their own."""
+    from studies import foundation_compare, foundation_run
+
+    for method in ("dem", "bridging", "fem"):
+        folder = compared[0] / method
+        assert {file.name for file in folder.iterdir() if file.is_file()} <= set(foundation_run.FILES)
+        assert {file.name.split("_")[0] for file in (folder / "fields").glob("*.vtu")} <= set(foundation_run.SERIES)
+    assert {file.name for file in compared[0].iterdir() if file.is_file()} <= set(foundation_compare.FILES)
+
+
 def test_the_continuum_in_the_files_covers_the_soil_without_the_particles_elements(compared):
     mesh = meshio.read(sorted((compared[0] / "bridging/fields").glob("continuum_*.vtu"))[-1])
     corners = mesh.points[mesh.cells[0].data][:, :, :2]
@@ -163,6 +174,9 @@ REFUSED = {
     "foundation --compare --mesh {bad}": "bad.msh",
     "foundation --radius 0.5 --region 2x0.4": "no particle site",
     "foundation --output {bad}/below": "output=",
+    "foundation --output=": "output= is empty",
+    "accuracy foundation --output=": "output= is empty",
+    "accuracy foundation --step 0.1": "step=0.1",
     "foundation --colour red": "--colour",
     "foundation --substeps many": "--substeps",
     "accuracy foundation --settings {bad}": "settings=",
@@ -178,7 +192,7 @@ def test_bad_input_is_one_sentence_and_status_2(tmp_path, line):
     answer = studies(*line.format(bad=bad).split(), *output)
     assert answer.returncode == 2 and not answer.stdout
     assert len(answer.stderr.splitlines()) == 1 and REFUSED[line] in answer.stderr
-    assert not list(tmp_path.rglob("history.csv"))
+    assert list(tmp_path.iterdir()) == [bad]  # a refused run leaves nothing, not even a folder
 
 
 def test_settings_are_measured_against_particles_everywhere(tmp_path):

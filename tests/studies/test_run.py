@@ -103,11 +103,30 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
 
 
 def test_clearing_spares_what_a_run_did_not_write(tmp_path):
-    for name in ("summary.json", "history.csv", "load.png", "mine.txt", "fields/particles_0000.vtu", "fields/mine.py"):
+    written = {"summary.json", "load.png", "fields/discs.pvd", "fields/discs_0000.vtu", "fields/discs_012.vtu"}
+    own = {
+        "mine.png",
+        "comparison.json",
+        "fields/discs_mine.vtu",
+        "fields/discs_0000_mine.vtu",
+        "fields/other_0000.vtu",
+    }
+    for name in written | own:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("")
-    output.clear(tmp_path)
-    assert {file.name for file in tmp_path.rglob("*.*")} == {"mine.txt", "mine.py"}
+    output.clear(tmp_path, ["summary.json", "load.png", "never.csv"], ["discs"])
+    assert {str(file.relative_to(tmp_path)) for file in tmp_path.rglob("*.*")} == own
+
+
+@pytest.mark.parametrize("name", ["", "  "])
+def test_a_folder_without_a_name_is_refused(name):
+    with pytest.raises(ValueError, match="output= is empty"):
+        output.check_folder(name)
+
+
+def test_checking_a_folder_does_not_make_it(tmp_path):
+    assert output.check_folder(tmp_path / "a" / "b") == tmp_path / "a" / "b"
+    assert not list(tmp_path.iterdir())
 
 
 def test_errors_of_rank_0_reach_the_caller():
