@@ -30,6 +30,7 @@ LATTICE_RADII = {"A": 0.05, "B": 0.03}  # m
 RANDOM_RADII, POROSITY = (0.02, 0.05), 0.16  # of assembly C; m, -
 PAPER_STATES = (0.015, 0.038, 0.060)  # m, plate displacements of figures 8 and 9
 TOUCH = 1.0 + 1e-9  # radii of lattice discs, so that "just touching" does not hang on rounding
+LARGEST_GAP = 10.0  # between ghosts along a side of the region, in largest radii (lattices have 2.8)
 AVERAGING = 2.5  # stresses are averages over circles of this many largest radii (Rojek & Onate 2007)
 
 
@@ -220,9 +221,28 @@ def nested_particles(p: Parameters) -> tuple[Any, np.ndarray, np.ndarray]:
 
     centres, radii = sites(p)
     layout = nested_layout(centres, radii, particle_region(p))
+    _check_surrounded(p, centres[layout.kept][layout.ghost], radii.max())
     soil = Assembly(centres[layout.kept], radii[layout.kept], p.density, contact_law(p), skin=skin(p))
     soil.add_wall(plate(p))
     return soil, layout.ghost, layout.share
+
+
+def _check_surrounded(p: Parameters, ghosts: np.ndarray, largest: float) -> None:
+    """Ghosts tie the particles to the continuum: they must line the region's left, right and lower side without gaps."""
+    (left, bottom), (right, top) = particle_region(p).bounds
+    outline = 1e-6 * largest  # sites on it are ghosts
+    sides = {
+        "left of": (ghosts[:, 0] < left + outline, 1, bottom, DEPTH),
+        "right of": (ghosts[:, 0] > right - outline, 1, bottom, DEPTH),
+        "below": (ghosts[:, 1] < bottom + outline, 0, left, right),
+    }
+    for side, (there, axis, start, end) in sides.items():
+        places = np.concatenate([[start], np.sort(ghosts[there, axis]), [end]])
+        if not there.any() or np.diff(places).max() > LARGEST_GAP * largest:
+            raise ValueError(
+                f"region={p.region} leaves too few discs (ghosts) {side} the region to tie it to the continuum; make it smaller "
+                "or move it away from the soil's edge"
+            )
 
 
 def material(p: Parameters) -> Any:

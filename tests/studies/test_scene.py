@@ -22,6 +22,22 @@ def test_the_extended_region_holds_the_papers_discs(assembly, count):
     assert soil.count - ghosts.sum() == count
 
 
+@pytest.mark.parametrize(
+    "region, side", [("17.9x8.9", "left of"), ("17.9x3", "left of"), ("6x8.9", "below"), ("8x3", "right of")]
+)
+def test_a_region_that_its_ghosts_do_not_surround_is_refused(region, side):
+    """The lattice of 0.1 m discs begins more than 0.1 m inside the soil: no site is left for ghosts beyond that."""
+    place = 13.95 if side == "right of" else 9.0
+    with pytest.raises(ValueError, match=f"region={region} leaves too few discs .ghosts. {side} the region"):
+        scene.nested_particles(Parameters(radius=0.1, region=region, plate_position=place))
+
+
+@pytest.mark.parametrize("region", ["6x3", "7x3.5", "5.3x2.1", "16x8"])
+@pytest.mark.parametrize("radius", [0.05, 0.1, 0.2])
+def test_usual_regions_are_surrounded_by_ghosts(region, radius):
+    assert scene.nested_particles(Parameters(radius=radius, region=region))[1].any()
+
+
 def test_region_and_whole_soil_hold_the_same_discs():
     p = Parameters(radius=0.2)
     whole = {tuple(site) for site in np.round(scene.sites(p)[0], 9)}
