@@ -31,10 +31,19 @@ def nested_layout(sites, radii, region, *, contact_range: float = 0.02, layers: 
         layers: Layers of ghosts.
 
     Raises:
-        ValueError: no site lies inside the region.
+        ValueError: no site lies inside the region, or an argument is out of range.
     """
     sites = np.asarray(sites, dtype=np.float64).reshape(-1, 2)
-    radii = np.broadcast_to(np.asarray(radii, dtype=np.float64), (len(sites),))
+    radii = np.asarray(radii, dtype=np.float64)
+    if radii.shape not in ((), (len(sites),)) or not np.all(radii > 0.0) or not np.all(np.isfinite(radii)):
+        raise ValueError(
+            f"radii of shape {radii.shape} must be positive numbers (m), one or one for each of {len(sites)} sites"
+        )
+    if not (np.isfinite(contact_range) and contact_range >= 0.0):
+        raise ValueError(f"contact_range={contact_range} must be zero or positive (sums of radii)")
+    if int(layers) != layers or layers < 1:
+        raise ValueError(f"layers={layers} must be a whole number of at least 1")
+    radii = np.broadcast_to(radii, (len(sites),))
     distance = np.asarray(region.distance(sites))
     tolerance = 1e-6 * radii
     inside = distance < -tolerance

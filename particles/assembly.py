@@ -122,7 +122,17 @@ class Assembly:
             sums=np.zeros(12), clock=clock,
         )  # fmt: skip
         self._rebuild()
+        self._refuse_coincident()
         self._imposed = self._mechanical()
+
+    def _refuse_coincident(self) -> None:
+        """Two discs in one place have no contact normal."""
+        system = self._system
+        first = np.repeat(np.arange(self.count), np.diff(system.start))
+        same = np.flatnonzero((system.state[first, :2] == system.state[system.neighbour, :2]).all(axis=1))
+        if same.size:
+            a, b = self._ids[first[same[0]]], self._ids[system.neighbour[same[0]]]
+            raise ValueError(f"positions of discs {min(a, b)} and {max(a, b)} are the same; move one of them")
 
     def _set_laws(self, law: Any, materials: Any) -> None:
         count = len(self._radii)
@@ -299,6 +309,12 @@ class Assembly:
     def add_wall(self, *plates: Plate) -> None:
         """Add rigid plates; from now on they belong to this assembly."""
         for plate in plates:
+            if not isinstance(plate, Plate):
+                raise ValueError(f"plate={plate!r} must be a Plate")
+            if plate.taken:
+                raise ValueError(f"{plate.name} belongs to an assembly already: make one plate for each")
+        for plate in plates:
+            plate.taken = True
             self.plates.append(plate)
             self._plate_rows = np.vstack([self._plate_rows, plate._row])
         for row, plate in zip(self._plate_rows, self.plates):
@@ -454,8 +470,8 @@ class Assembly:
         Raises:
             Unstable: the particles blow up.
         """
-        if steps < 0:
-            raise ValueError(f"steps={steps} must be zero or positive")
+        if int(steps) != steps or steps < 0:
+            raise ValueError(f"steps={steps} must be a whole number, zero or positive")
         if steps == 0:
             return
         system, terms = self.prepare(step, steps, **loads)

@@ -69,6 +69,7 @@ class Plate:
         self.frictionless = frictionless
         self.name = name
         self.reference_point = self.corners.mean(axis=0)
+        self.taken = False  # by an assembly
         self._row: np.ndarray = np.zeros(12)  # becomes a view of the assembly's plates
         self._row[PLATE_X : PLATE_Y + 1] = self.reference_point
         self._motion: Callable[[float], Sequence[float]] | None = None

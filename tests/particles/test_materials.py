@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from particles import Assembly, LiChu
+from particles import Assembly, LiChu, Plate
 
 FULL = LiChu(1e8, 5e7, 1e6, 7e2, 40.0, 30.0, 20.0, 0.1, 0.5, 0.05, 5e-3)
 WITHOUT_DASHPOTS = LiChu(1e8, 5e7, 1e6, 7e2, sliding_friction=0.5, rolling_friction=0.05, moment_friction=5e-3)
@@ -35,3 +35,18 @@ def test_each_pair_has_its_own_law():
     soil = Assembly([(0.0, 0.0), (0.99, 0.0), (1.98, 0.0)], 0.5, 2600.0, laws, materials=[0, 1, 1])
     soil.advance(1, 1e-9)
     np.testing.assert_allclose(soil.forces[:, 0], [-1e8 * 0.01, 1e8 * 0.01 - 3e6 * 0.01, 3e6 * 0.01], rtol=1e-6)
+
+
+def test_plates_and_discs_that_cannot_be_are_refused():
+    plate = Plate.rectangle((0.0, -2.0), (1.0, -1.0), name="floor")
+    soil = Assembly([(0.0, 0.0)], 0.5, 2600.0, FULL)
+    with pytest.raises(ValueError, match="plate=5 must be a Plate"):
+        soil.add_wall(5)
+    soil.add_wall(plate)
+    for other in (soil, Assembly([(0.0, 0.0)], 0.5, 2600.0, FULL)):
+        with pytest.raises(ValueError, match="floor belongs to an assembly already"):
+            other.add_wall(plate)
+    with pytest.raises(ValueError, match="discs 0 and 2 are the same"):
+        Assembly([(0.0, 0.0), (1.0, 0.0), (0.0, 0.0)], 0.5, 2600.0, FULL)
+    with pytest.raises(ValueError, match="steps=1.5 must be a whole number"):
+        soil.advance(1.5, 1e-6)
