@@ -15,11 +15,10 @@ from mpi4py import MPI
 from bridge.run import Stopwatch, on_root
 from studies import foundation as scene
 from studies.foundation import AVERAGING, Parameters
-from studies.foundation_steps import warn_of_growth
+from studies.foundation_steps import COARSE_RATIO, fit_substeps, warn_of_growth
 from studies.snapshots import Snapshot, continuum_fields, particle_fields
 
 UNSTABLE = 3  # exit status
-COARSE_RATIO = 0.5  # default coarse step as a share of the continuum's critical step
 LARGEST_ADVANCE = 0.1  # of the plate in a step, as a share of the smallest radius
 TERMS = (
     "external_work",
@@ -191,7 +190,10 @@ class BridgedFoundation(_Foundation):
         self.body = scene.body(p, self.material, comm, excluded=scene.particle_region(p))
         fine_critical = on_root(comm, lambda: self.soil.critical_step())
         coarse_critical = self.body.critical_step()
-        substeps = self._substeps(self._fine_step(fine_critical), coarse_critical)
+        fine, substeps = fit_substeps(p, self._fine_step(fine_critical), coarse_critical)
+        self._plan(substeps * fine, coarse_critical)
+        mean_radius = float(np.mean(on_root(comm, lambda: self.soil.radii)))
+        warn_of_growth(p, substeps, self.step / coarse_critical, mean_radius)
         self.coupled = BridgingScale(
             self.body, self.soil, self.ghosts, share, step=self.step, substeps=substeps, variant=p.variant,
             mass_damping=p.damping,
@@ -209,24 +211,6 @@ class BridgedFoundation(_Foundation):
         }  # fmt: skip
         stiffness, density = self.material.stiffness, self.material.density
         self._fastest = math.sqrt(float(np.abs(stiffness).max()) / density)
-
-    def _substeps(self, fine: float, coarse_critical: float) -> int:
-        """Set step and steps; the number of particle steps in one of them."""
-        p = self.p
-        substeps = p.substeps
-        if substeps is None:
-            substeps = max(1, int(COARSE_RATIO * coarse_critical / fine))
-            if p.variant == "paper":
-                substeps = min(substeps, 2)
-        if substeps * fine > coarse_critical:
-            raise ValueError(
-                f"substeps={substeps} makes a coarse step of {substeps * fine:.4g} s; it must be at most the continuum's "
-                f"critical step of {coarse_critical:.4g} s"
-            )
-        self._plan(substeps * fine, coarse_critical)
-        mean_radius = float(np.mean(on_root(self.comm, lambda: self.soil.radii)))
-        warn_of_growth(p, substeps, self.step / coarse_critical, mean_radius)
-        return substeps
 
     def grows(self) -> Any:
         """The growth test of the linearised system, with a warning where it grows; takes a while."""

@@ -7,8 +7,43 @@ import warnings
 
 from studies.foundation import Parameters
 
+COARSE_RATIO = 0.5  # default coarse step as a share of the continuum's critical step
 TRUSTED_RATIO = 0.7  # of the continuum's critical step: up to there respa and multiplier have not been seen to grow
 ENOUGH_DAMPING = 0.05  # of sqrt(k_N/m): with it paper and resync have not been seen to grow
+
+
+def fit_substeps(p: Parameters, fine: float, coarse_critical: float) -> tuple[float, int]:
+    """Particle step (s) and the number of them in a coarse step; a default particle step shrinks where one is too long.
+
+    Args:
+        p: Parameters.
+        fine: Particle step that is wanted, s.
+        coarse_critical: Critical step of the continuum, s.
+
+    Raises:
+        ValueError: the steps asked for are longer than the continuum's critical step.
+    """
+    substeps = p.substeps
+    if substeps is None:
+        allowed = COARSE_RATIO * coarse_critical
+        if p.step is None and fine > allowed:
+            warnings.warn(
+                f"region={p.region} with this mesh leaves an element so small or such a sliver that the continuum's critical "
+                f"step is {coarse_critical:.3g} s; the particles' step is shortened from {fine:.3g} to {allowed:.3g} s, a "
+                "region along the elements' edges spares that",
+                stacklevel=3,
+            )
+            return allowed, 1
+        substeps = max(1, int(allowed / fine))
+        if p.variant == "paper":
+            substeps = min(substeps, 2)
+    if substeps * fine > coarse_critical:
+        cause = f"step={p.step}" if p.substeps is None else f"substeps={p.substeps}"
+        raise ValueError(
+            f"{cause} makes a coarse step of {substeps * fine:.4g} s; it must be at most the continuum's critical step of "
+            f"{coarse_critical:.4g} s"
+        )
+    return fine, substeps
 
 
 def warn_of_growth(p: Parameters, substeps: int, coarse_ratio: float, mean_radius: float) -> None:

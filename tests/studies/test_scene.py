@@ -96,6 +96,18 @@ def test_steps_above_the_limit_are_refused(bad, sentence):
         MODELS["bridging"](Parameters(radius=0.2, **bad), Stopwatch())
 
 
+def test_a_sliver_of_an_element_shortens_the_particles_step():
+    """An element of which a thousandth is left has a critical step below the particles' own."""
+    p = Parameters(radius=0.1, region="5.999x3", displacement=0.01)
+    with pytest.warns(UserWarning, match="region=5.999x3 .* sliver .* shortened"):
+        model = MODELS["bridging"](p, Stopwatch())
+    assert model.coupled.substeps == 1
+    assert 0.49 < model.step / model.step_sizes["coarse_critical"] <= 0.5 * (1.0 + 1e-9)
+    assert model.step < 0.5 * model.step_sizes["fine_critical"]
+    with pytest.raises(ValueError, match="^step=0.0002 makes a coarse step"):
+        MODELS["bridging"](dataclasses.replace(p, step=2e-4), Stopwatch())
+
+
 def test_a_variant_that_may_grow_is_warned_of():
     with pytest.warns(UserWarning, match="damping=1 1/s may grow"):
         MODELS["bridging"](Parameters(radius=0.2, variant="resync", damping=1.0), Stopwatch())
