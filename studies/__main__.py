@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 import traceback
 
@@ -74,7 +75,8 @@ def _refuse(sentence: str) -> int:
     from mpi4py import MPI
 
     if MPI.COMM_WORLD.rank == 0:
-        click.echo("Error: " + " ".join(sentence.split()), err=True)
+        short = re.sub(r"(\d{10})\d{20,}", r"\1...", " ".join(sentence.split()))
+        click.echo(f"Error: {short}", err=True)
     MPI.COMM_WORLD.Barrier()  # mpirun ends the others as soon as one rank leaves with an error
     return USAGE_ERROR
 

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from studies.foundation import Parameters
-from studies.options import click_options
+from studies.options import brief, click_options
 
 SAMPLES = 240  # of each load curve
 FILES = ("accuracy.txt", "accuracy.csv", "accuracy.json", "accuracy.png")
@@ -60,8 +60,8 @@ hold for every run; the settings come on top.
 def command(study: str, settings: str | None, full: bool, repeats: int, output: str, quiet: bool, **values: Any) -> int:
     """Check every setting, run the reference and all of them; returns the exit status."""
     base = Parameters(method="dem", **values)
-    if repeats < 1:
-        raise ValueError(f"repeats={repeats} must be at least 1")
+    if not 1 <= repeats <= 1000:
+        raise ValueError(f"repeats={brief(repeats)} must be between 1 and 1000")
     if settings is not None and full:
         raise ValueError("settings and full exclude each other: a file of settings, or the longer built-in list")
     chosen = read_settings(Path(settings)) if settings is not None else LONG if full else SHORT
@@ -165,9 +165,6 @@ def _case(base: Parameters, setting: dict[str, Any]) -> Parameters:
     for name in setting:
         if name not in known or name == "method":
             raise ValueError(
-                f"setting {name}={setting[name]} is unknown; known are {', '.join(sorted(set(known) - {'method'}))}"
+                f"setting {brief(name)}={brief(setting[name])} is unknown; known are {', '.join(sorted(set(known) - {'method'}))}"
             )
-    try:
-        return dataclasses.replace(base, method="bridging", **setting)
-    except TypeError:
-        raise ValueError(f"setting {setting} has a value of the wrong kind (number or word)") from None
+    return dataclasses.replace(base, method="bridging", **setting)

@@ -29,6 +29,7 @@ WIDTH, DEPTH = 18.0, 9.0  # m, the soil; its surface is y = DEPTH
 LATTICE_RADII = {"A": 0.05, "B": 0.03}  # m
 RANDOM_RADII, POROSITY = (0.02, 0.05), 0.16  # of assembly C; m, -
 PAPER_STATES = (0.015, 0.038, 0.060)  # m, plate displacements of figures 8 and 9
+MOST_STEPS = 10_000_000  # of a run
 TOUCH = 1.0 + 1e-9  # radii of lattice discs, so that "just touching" does not hang on rounding
 LARGEST_GAP = 10.0  # between ghosts along a side of the region, in largest radii (lattices have 2.8)
 AVERAGING = 2.5  # stresses are averages over circles of this many largest radii (Rojek & Onate 2007)
@@ -44,7 +45,7 @@ class Parameters:
         None, "Radius of the discs of a lattice, instead of the assembly's.", "m", POSITIVE,
         shown="A 0.05 m, B 0.03 m, C 0.02 to 0.05 m",
     )  # fmt: skip
-    seed: int = parameter(1, "Seed of the random packing C.", "", NOT_NEGATIVE)
+    seed: int = parameter(1, "Seed of the random packing C.", "", NOT_NEGATIVE, limits=(0, 2**32 - 1))
     region: str = parameter("6x3", "Width x depth of the particles' region under the plate, in metres.", "WxD")
     mesh: str = parameter(
         "structured", "Mesh of the continuum: structured, graded (gmsh), or a .msh file of 18 m x 9 m."
@@ -56,26 +57,34 @@ class Parameters:
     )  # fmt: skip
     variant: str = parameter("respa", "Form of the bridging-scale method.", choices=VARIANTS)
     speed: float = parameter(1.0, "Downward speed of the plate.", "m/s", POSITIVE)
-    displacement: float = parameter(0.06, "Displacement of the plate at the end.", "m", POSITIVE)
+    displacement: float = parameter(
+        0.06, "Displacement of the plate at the end.", "m", POSITIVE, limits=(0, 0.5 * DEPTH)
+    )
     plate_width: float = parameter(2.0, "Width of the plate.", "m", POSITIVE)
     plate_position: float = parameter(9.0, "Middle of the plate, from the left side of the soil.", "m")
     damping: float = parameter(
         175.0, "Mass damping c_m of discs and continuum (not in the paper; 175 is 0.05 sqrt(k_N/m) of assembly A).",
-        "1/s", NOT_NEGATIVE,
+        "1/s", NOT_NEGATIVE, limits=(0, 1e5),
     )  # fmt: skip
     step: float | None = parameter(
         None, "Time step of the particles.", "s", POSITIVE, shown="step-ratio of the critical step"
     )
     step_ratio: float = parameter(0.5, "Default step as a share of the critical step (a rigorous bound).", "-", SHARE)
     substeps: int | None = parameter(
-        None, "Particle steps in a step of the continuum.", "-", POSITIVE,
+        None, "Particle steps in a step of the continuum.", "-", POSITIVE, limits=(1, MOST_STEPS),
         shown="as many as half the continuum's critical step holds",
     )  # fmt: skip
-    density: float = parameter(2600.0, "Density of the discs.", "kg/m3", POSITIVE)
-    normal_stiffness: float = parameter(2.5e8, "Normal stiffness k_N of a contact.", "N/m", POSITIVE)
-    sliding_stiffness: float = parameter(5.0e7, "Sliding stiffness k_s.", "N/m", NOT_NEGATIVE)
-    rolling_stiffness: float = parameter(1.0e6, "Stiffness k_r of the rolling force.", "N/m", NOT_NEGATIVE)
-    moment_stiffness: float = parameter(7.0e2, "Stiffness k_w of the rolling moment.", "N m/rad", NOT_NEGATIVE)
+    density: float = parameter(2600.0, "Density of the discs.", "kg/m3", POSITIVE, limits=(1, 1e5))
+    normal_stiffness: float = parameter(
+        2.5e8, "Normal stiffness k_N of a contact.", "N/m", POSITIVE, limits=(1e3, 1e15)
+    )
+    sliding_stiffness: float = parameter(5.0e7, "Sliding stiffness k_s.", "N/m", NOT_NEGATIVE, limits=(0, 1e15))
+    rolling_stiffness: float = parameter(
+        1.0e6, "Stiffness k_r of the rolling force.", "N/m", NOT_NEGATIVE, limits=(0, 1e15)
+    )
+    moment_stiffness: float = parameter(
+        7.0e2, "Stiffness k_w of the rolling moment.", "N m/rad", NOT_NEGATIVE, limits=(0, 1e15)
+    )
     sliding_friction: float = parameter(0.5, "Friction coefficient of sliding.", "-", NOT_NEGATIVE)
     rolling_friction: float = parameter(0.05, "Friction coefficient of the rolling force.", "-", NOT_NEGATIVE)
     moment_friction: float = parameter(0.5e-3, "Friction coefficient of the rolling moment.", "m", NOT_NEGATIVE)

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from studies.foundation import TITLE, Parameters
-from studies.options import click_options
+from studies.options import brief, click_options
 
 HELP = f"""{TITLE}.
 
@@ -43,9 +43,9 @@ def command(
     quiet: bool, **values: Any,
 ) -> int:  # fmt: skip
     """Check everything, then run; returns the exit status."""
-    for name, value, least in (("samples", samples, 1), ("frames", frames, 1)):
-        if value < least:
-            raise ValueError(f"{name}={value} must be at least {least}")
+    for name, value, most in (("samples", samples, 1_000_000), ("frames", frames, 10_000)):
+        if not 1 <= value <= most:
+            raise ValueError(f"{name}={brief(value)} must be between 1 and {most}")
     parameters = Parameters(**values)
     if compare:  # every method's parameters are checked before the first one runs
         for method in ("dem", "bridging", "fem"):

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from bridge.run import Stopwatch, on_root
 from studies import foundation as scene
 from studies.foundation import AVERAGING, Parameters
-from studies.foundation_steps import COARSE_RATIO, fit_substeps, warn_of_growth
+from studies.foundation_steps import COARSE_RATIO, check_number_of_steps, fit_substeps, warn_of_growth
 from studies.snapshots import Snapshot, continuum_fields, particle_fields
 
 UNSTABLE = 3  # exit status
@@ -57,6 +57,7 @@ class _Foundation:
 
     def _plan(self, step: float, largest: float) -> None:
         """Steps of at most `step` that end exactly at the displacement."""
+        check_number_of_steps(self.p, min(step, largest))
         self.steps = max(1, math.ceil(self.p.duration / min(step, largest) * (1.0 - 1e-9)))
         self.step = self.p.duration / self.steps
 
@@ -65,6 +66,7 @@ class _Foundation:
         if p.step is not None and p.step > critical:
             raise ValueError(f"step={p.step} must be at most the particles' critical step of {critical:.4g} s")
         step = p.step_ratio * critical if p.step is None else p.step
+        check_number_of_steps(p, step)
         smallest = scene.smallest_radius(p)
         if p.speed * step > LARGEST_ADVANCE * smallest:
             raise ValueError(

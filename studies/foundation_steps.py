@@ -5,11 +5,24 @@ from __future__ import annotations
 import math
 import warnings
 
-from studies.foundation import Parameters
+from studies.foundation import MOST_STEPS, Parameters
 
 COARSE_RATIO = 0.5  # default coarse step as a share of the continuum's critical step
 TRUSTED_RATIO = 0.7  # of the continuum's critical step: up to there respa and multiplier have not been seen to grow
 ENOUGH_DAMPING = 0.05  # of sqrt(k_N/m): with it paper and resync have not been seen to grow
+
+
+def check_number_of_steps(p: Parameters, step: float) -> None:
+    """Refuse a run of too many steps.
+
+    Raises:
+        ValueError: it takes more than `MOST_STEPS` steps of `step` seconds.
+    """
+    if p.duration > MOST_STEPS * step:
+        raise ValueError(
+            f"speed={p.speed} and displacement={p.displacement} make more than {MOST_STEPS} steps of {step:.3g} s; take a "
+            "higher speed, a smaller displacement or a longer step"
+        )
 
 
 def fit_substeps(p: Parameters, fine: float, coarse_critical: float) -> tuple[float, int]:

@@ -4,50 +4,89 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import numbers
+import re
 from collections.abc import Callable
 from typing import Any, get_args, get_type_hints
 
 import click
 
 POSITIVE, NOT_NEGATIVE, SHARE = "positive", "zero or positive", "above 0 and at most 1"
-_RULES: dict[str, Callable[[float], bool]] = {
+_RULES: dict[str, Callable[[Any], bool]] = {
     POSITIVE: lambda value: value > 0,
     NOT_NEGATIVE: lambda value: value >= 0,
     SHARE: lambda value: 0 < value <= 1,
 }
 
 
+LONGEST = 25  # digits of a number in a message
 _KINDS = {str: "WORD", int: "NUMBER", float: "NUMBER"}
 
 
 def parameter(
-    default: Any, text: str, unit: str = "", rule: str = "", choices: tuple[str, ...] = (), shown: str = ""
+    default: Any,
+    text: str,
+    unit: str = "",
+    rule: str = "",
+    choices: tuple[str, ...] = (),
+    shown: str = "",
+    limits: tuple[float, float] = (-math.inf, math.inf),
 ) -> Any:
     """A dataclass field that is an option: default, help, unit, rule for numbers or allowed words.
 
     Args:
+        default: Its default.
+        text: Its help.
+        unit: Its unit.
+        rule: `POSITIVE`, `NOT_NEGATIVE` or `SHARE`.
+        choices: Allowed words.
         shown: default as the help shows it, where None stands for something found later.
+        limits: Smallest and largest number that make sense.
     """
-    metadata = {"text": text, "unit": unit, "rule": rule, "choices": choices, "shown": shown}
+    metadata = {"text": text, "unit": unit, "rule": rule, "choices": choices, "shown": shown, "limits": limits}
     return dataclasses.field(default=default, metadata=metadata)
 
 
 def check(parameters: Any) -> None:
-    """Check all fields against their rules.
+    """Check all fields against their kinds, rules and limits.
 
     Raises:
         ValueError: names field, value, rule and unit.
     """
+    hints = get_type_hints(type(parameters))
     for field in dataclasses.fields(parameters):
-        value, about = getattr(parameters, field.name), field.metadata
-        if value is None:
+        value: Any = getattr(parameters, field.name)
+        about = field.metadata
+        kinds = get_args(hints[field.name]) or (hints[field.name],)
+        if value is None and type(None) in kinds:
             continue
-        if about.get("choices") and value not in about["choices"]:
-            raise ValueError(f"{field.name}={value} must be one of {', '.join(about['choices'])}")
-        rule = about.get("rule")
-        if rule and not (math.isfinite(value) and _RULES[rule](value)):
-            unit = f" ({about['unit']})" if about["unit"] else ""
-            raise ValueError(f"{field.name}={value} must be {rule}{unit}")
+        name = f"{field.name}={brief(value)}"
+        if str in kinds:
+            if not isinstance(value, str):
+                raise ValueError(f"{name} must be a word")
+            if about["choices"] and value not in about["choices"]:
+                raise ValueError(f"{name} must be one of {', '.join(about['choices'])}")
+            continue
+        unit = f" ({about['unit']})" if about["unit"] else ""
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            raise ValueError(f"{name} must be a number{unit}")
+        rule, (least, most) = about["rule"], about["limits"]
+        finite = isinstance(value, numbers.Integral) or math.isfinite(float(value))
+        if rule and not (finite and _RULES[rule](value)):
+            raise ValueError(f"{name} must be {rule}{unit}")
+        if int in kinds and not isinstance(value, numbers.Integral):
+            raise ValueError(f"{name} must be a whole number{unit}")
+        if not least <= value <= most and rule:
+            words = f"at most {most:g}" if least == -math.inf else f"between {least:g} and {most:g}"
+            raise ValueError(f"{name} must be {words}{unit}")
+
+
+def brief(value: Any) -> str:
+    """A value as a message shows it, without hundreds of digits."""
+    if isinstance(value, numbers.Integral) and abs(value) >= 10**LONGEST:
+        return f"a number of more than {LONGEST} digits"
+    text = str(value)
+    return text if len(text) <= 3 * LONGEST or not re.search(rf"\d{{{LONGEST}}}", text) else text[:LONGEST] + "..."
 
 
 def shown_default(field: dataclasses.Field) -> str:
@@ -88,7 +127,7 @@ def size_in_metres(name: str, text: str) -> tuple[float, float]:
     try:
         width, depth = (float(part) for part in text.split("x"))
     except ValueError:
-        raise ValueError(f"{name}={text} must be WIDTHxDEPTH in metres, for instance 6x3") from None
+        raise ValueError(f"{name}={brief(text)} must be WIDTHxDEPTH in metres, for instance 6x3") from None
     if not (math.isfinite(width) and math.isfinite(depth) and width > 0 and depth > 0):
-        raise ValueError(f"{name}={text} must have positive width and depth (m)")
+        raise ValueError(f"{name}={brief(text)} must have positive width and depth (m)")
     return width, depth

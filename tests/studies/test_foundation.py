@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 
 from meshes._gmsh import session
+from studies.accuracy import _case as accuracy_case
+from studies.accuracy import read_settings
+from studies.foundation import Parameters
 from studies.foundation_run import doubts
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -143,8 +146,6 @@ def test_the_comparison_has_the_papers_rows(compared):
 def test_published_numbers_stand_beside_the_papers_scene(tmp_path):
     answer = studies("foundation", "--method", "fem", "--output", tmp_path, "--no-fields", "--no-figures")
     assert answer.returncode == 0, answer.stderr
-    from studies.foundation import Parameters
-
     assert Parameters().is_papers_scene and not Parameters(assembly="B").is_papers_scene
     assert not Parameters(speed=0.5).is_papers_scene
 
@@ -177,6 +178,11 @@ REFUSED = {
     "foundation --output=": "output= is empty",
     "accuracy foundation --output=": "output= is empty",
     "accuracy foundation --step 0.1": "step=0.1",
+    "foundation --method dem --region abc": "region=abc",
+    "foundation --method dem --speed 1e-7": "10000000 steps",
+    "foundation --method fem --step-ratio 0.5 --speed 1e-300": "10000000 steps",
+    f"foundation --seed {10**400}": "seed=a number of more than 25 digits",
+    f"foundation --substeps {10**400}.5": "--substeps",
     "foundation --colour red": "--colour",
     "foundation --substeps many": "--substeps",
     "accuracy foundation --settings {bad}": "settings=",
@@ -191,8 +197,18 @@ def test_bad_input_is_one_sentence_and_status_2(tmp_path, line):
     output = [] if "--output" in line or line == "footing" else ["--output", tmp_path / "out"]
     answer = studies(*line.format(bad=bad).split(), *output)
     assert answer.returncode == 2 and not answer.stdout
-    assert len(answer.stderr.splitlines()) == 1 and REFUSED[line] in answer.stderr
+    assert len(answer.stderr.splitlines()) == 1 and REFUSED[line] in answer.stderr and len(answer.stderr) < 500
     assert list(tmp_path.iterdir()) == [bad]  # a refused run leaves nothing, not even a folder
+
+
+@pytest.mark.parametrize(
+    "setting", [{"region": None}, {"region": 6}, {"substeps": 1.5}, {"damping": "much"}, {"mesh": []}, {"radius": True}]
+)
+def test_settings_of_a_wrong_kind_are_refused_before_any_work(tmp_path, setting):
+    file = tmp_path / "settings.json"
+    file.write_text(json.dumps([{"region": "6x3"}, setting]))
+    with pytest.raises(ValueError, match=f"^{next(iter(setting))}=.* must be a (word|number|whole number)"):
+        [accuracy_case(Parameters(method="dem"), one) for one in read_settings(file)]
 
 
 def test_settings_are_measured_against_particles_everywhere(tmp_path):
