@@ -67,7 +67,7 @@ def check(parameters: Any) -> None:
             if about["choices"] and value not in about["choices"]:
                 raise ValueError(f"{name} must be one of {', '.join(about['choices'])}")
             continue
-        unit = f" ({about['unit']})" if about["unit"] else ""
+        unit = f" ({about['unit']})" if about["unit"].strip("-") else ""
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise ValueError(f"{name} must be a number{unit}")
         rule, (least, most) = about["rule"], about["limits"]
