@@ -61,6 +61,7 @@ class FineScale:
         """
         self.covered = np.asarray(covered)
         self.interface = np.unique(self.ghost_shape.indices)
+        self._local_shape = sparse.csr_matrix(self.ghost_shape[:, self.interface])
         count, width = len(self.ids), len(self.interface)
         self._saved, self.reaction, self._multiplier = np.zeros((count, 8)), np.zeros((count, 3)), np.zeros((count, 3))
         self._ghost_acceleration, self._shift = np.zeros((count, 3)), np.zeros((count, 3))
@@ -107,7 +108,7 @@ class FineScale:
         weights = self._weights[order][self._free]
         self.projection = Projection(shape[self._free], weights[:, 0], weights[:, 2])
         load = self.ghost_mass * (1.0 - self.share)[:, None] * np.array([*self._gravity, 0.0])
-        local = sparse.csr_matrix(self.ghost_shape[:, self.interface])
+        local = self._local_shape
         self._ghosts = Ghosts(
             rows[self.ids].astype(np.int64), self.ghost_mass, load,
             local.indptr.astype(np.int64), local.indices.astype(np.int64), local.data,
@@ -220,7 +221,7 @@ class FineScale:
         self.ghosts_move_by_themselves = True
         damper = 1.0 + 0.5 * self.mass_damping * self.step
         stiffness = 2.0 * damper / self.step * self.ghost_mass
-        local = self.ghost_shape[:, self.interface]
+        local = self._local_shape
         inverse = np.zeros((3, len(self.interface), len(self.interface)))
         for component in range(3):
             part = mobility[self.interface, component]
@@ -285,10 +286,8 @@ class FineScale:
         if not self.soil.count:
             return moved, reached
         self._prepare(steps)
-        self._set_ghost_velocity(velocity)
         own, inverse_mass = self.interface, inverse_mass[self.interface]
         nodal = np.stack([np.zeros((len(own), 3)), velocity[own], self.nodal_acceleration])
-        self._ghost_acceleration[:] = self.ghost_shape[:, own] @ self.nodal_acceleration
         after = (self._saved, self.reaction, self._ghost_acceleration, self._previous, self._work)
         self.run_loop(run_slaved, steps, (nodal, inverse_mass), after)
         self.nodal_acceleration[:] = nodal[2]

@@ -209,6 +209,11 @@ def run_slaved(
     """
     sums = np.empty_like(nodal[0])
     if first < 0:
+        _at_ghosts(ghosts, nodal[1], acceleration)
+        for k in range(ghosts.rows.size):
+            for component in range(3):
+                system.state[ghosts.rows[k], 2 + component] = acceleration[k, component]
+        _at_ghosts(ghosts, nodal[2], acceleration)
         _drift_massless(system, terms, ghosts, saved, acceleration, h)
         for i in range(nodal.shape[1]):
             for component in range(3):

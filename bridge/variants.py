@@ -176,6 +176,10 @@ class ResyncVariant(PaperVariant):
 class RespaVariant(_Variant):
     """Impulse multi-stepping: continuum kicks at coarse times, interface nodes move with the particles in between."""
 
+    def __init__(self, coupled):
+        super().__init__(coupled)
+        self._nodal_inverse_mass = self.exchange.gather(self.inverse_mass)
+
     def carried(self) -> list[np.ndarray]:
         return [self.fine.nodal_acceleration]
 
@@ -187,7 +191,7 @@ class RespaVariant(_Variant):
         velocity += 0.5 * step * self.inverse_mass * self.continuum_force
         nodal = exchange.gather(velocity)
         worked = fine.interface_work
-        moved, reached = fine.run_slaved(nodal, exchange.gather(self.inverse_mass), self.coupled.substeps)
+        moved, reached = fine.run_slaved(nodal, self._nodal_inverse_mass, self.coupled.substeps)
         self.link_work -= fine.interface_work - worked  # ghosts and nodes move together in every substep
         increment = step * velocity
         exchange.scatter(moved - step * nodal, increment)
