@@ -5,10 +5,10 @@ One coarse step takes `substeps` particle steps. The variants (`bridge.variants`
 `paper`       eqs 15-16, 25-34 as published: every node is a coarse unknown, in the covered block the mass is N^T Mp N and the
               force N^T F(N d + Q q); ghosts follow the mesh with constant acceleration.
 `resync`      as `paper` with F(q); nodes strictly inside the covered block then take the projection of q.
-`respa`       (default) only nodes with continuum mass are coarse unknowns; the continuum kicks them at the coarse times, the
+`respa`       only nodes with continuum mass are coarse unknowns; the continuum kicks them at the coarse times, the
               ghosts' contact forces move them in every substep (impulse multi-stepping, Tuckerman et al. 1992). Keeps linear
               momentum; loses nothing at the interface; may grow slowly above 0.7 of the continuum's critical step.
-`multiplier`  only nodes with continuum mass are coarse unknowns; ghosts are particles whose velocities are tied to the mesh by
+`multiplier`  (default) only nodes with continuum mass are coarse unknowns; ghosts are particles whose velocities are tied to the mesh by
               multipliers in every substep (Gravouil & Combescure 2001). Dissipates at the interface for more than one substep.
 """
 
@@ -53,7 +53,7 @@ class BridgingScale:
         *,
         step: float,
         substeps: int = 1,
-        variant: str = "respa",
+        variant: str = "multiplier",
         mass_damping: float = 0.0,
     ):
         if variant not in VARIANTS:

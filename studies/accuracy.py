@@ -20,7 +20,7 @@ SHORT: list[dict[str, Any]] = [
     *({"region": region, "moduli": "paper"} for region in ("6x3", "7x3.5")),
     *({"region": "8x4", "substeps": m} for m in (1, 2)),
     {"region": "8x4", "mesh": "graded"},
-    *({"region": "8x4", "variant": variant} for variant in ("multiplier", "resync", "paper")),
+    *({"region": "8x4", "variant": variant} for variant in ("respa", "resync", "paper")),
 ]
 LONG: list[dict[str, Any]] = [
     {"region": region, "moduli": moduli, "variant": variant, "substeps": substeps}

@@ -55,7 +55,7 @@ class Parameters:
         "packing", "Elastic moduli of the continuum: of the packing's contacts, or as printed in the paper.",
         choices=("packing", "paper"),
     )  # fmt: skip
-    variant: str = parameter("respa", "Form of the bridging-scale method.", choices=VARIANTS)
+    variant: str = parameter("multiplier", "Form of the bridging-scale method.", choices=VARIANTS)
     speed: float = parameter(1.0, "Downward speed of the plate.", "m/s", POSITIVE)
     displacement: float = parameter(
         0.06, "Displacement of the plate at the end.", "m", POSITIVE, limits=(0, 0.5 * DEPTH)

@@ -85,7 +85,7 @@ def warn_of_growth(p: Parameters, substeps: int, coarse_ratio: float, mean_radiu
         if p.damping < 0.99 * enough:
             found.append(
                 f"variant={p.variant} with damping={p.damping:g} 1/s may grow: it wants {enough:.0f} 1/s, "
-                f"{ENOUGH_DAMPING:g} sqrt(k_N/m); take variant=respa, more damping, or see --growth-test"
+                f"{ENOUGH_DAMPING:g} sqrt(k_N/m); take variant=multiplier, more damping, or see --growth-test"
             )
     for words in found:
         warnings.warn(words, stacklevel=3)
