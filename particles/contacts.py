@@ -1,96 +1,200 @@
-"""The loop over neighbouring pairs (the inner loop of the code)."""
+"""The loop over neighbouring pairs (the inner loop of the code), in batches that become vector instructions.
+
+A batch of pairs goes through five stages: rows of the particles to columns, histories to columns, the law (one loop over
+the batch with nothing but arithmetic), histories back, forces added to the rows. All listed pairs take part, those with a
+gap as well: a law gives them zeros.
+"""
 
 from __future__ import annotations
 
-import math
-
 from numba import njit
 
-from particles.laws.li_chu import law_between, release, respond
-from particles.system import FAST, POWER
+from particles.columns import BLOCK, STRIDE, WIDTH, gather, load_column, scatter, store_column
+from particles.kinematics import touch_in_plane, touch_in_space
+from particles.laws.touch import NOTHING, law_at, respond
+from particles.system import INLINE, KERNEL, SPENT
+from particles.vectors import cross, load, moved, plus, present, scaled, store
+
+# Places in the scratch array: differences of the rows of a pair (j minus i), each followed by what is needed of i alone
+_PLACE, _RADIUS = 0, 4 * STRIDE
+_MOTION = 5 * STRIDE
+_TURN, _LIGHTNESS = 9 * STRIDE, 10 * STRIDE
+_PREDICTED, _RATE = 11 * STRIDE, 15 * STRIDE
+_SPIN_MORE, _SPIN = 16 * STRIDE, 20 * STRIDE  # in space
+_RATES_MORE, _RATES = 23 * STRIDE, 27 * STRIDE
+_FORCE, _TORQUE, _OTHER = 30 * STRIDE, 33 * STRIDE, 36 * STRIDE  # on i; torque on j (in the plane: minus force and torque)
+_SPENT = 39 * STRIDE
+_HISTORY = _SPENT + SPENT * STRIDE
+HISTORIES, NUMBERS = 24, 40  # most columns of history, most numbers in a law
+_NUMBERS = _HISTORY + HISTORIES * STRIDE
+SCRATCH = _NUMBERS + NUMBERS * STRIDE
 
 
-@njit(cache=True, fastmath=FAST)
-def turn_of(cross, dot):
-    """Angle between two directions, atan2(cross, dot) in rad; a series (error below 1e-13) where it is small."""
-    if abs(cross) < 0.03 * dot:
-        ratio = cross / dot
-        square = ratio * ratio
-        return ratio * (1.0 - square * (1.0 / 3.0 - square * (0.2 - square / 7.0)))
-    return math.atan2(cross, dot)
+@njit(**KERNEL)
+def _gather_pairs(scratch, position, velocity, predicted, spin, predicted_spin, first, second, at, count):
+    """Rows of a batch to columns; the last block may reach beyond the pairs, into the room that is left for it."""
+    for c in range(0, count, BLOCK):
+        gather(scratch, _PLACE + c, position, first, second, at + c, (3,))
+        if spin is None:
+            gather(scratch, _MOTION + c, velocity, first, second, at + c, (2,))
+            if predicted is not None:
+                gather(scratch, _PREDICTED + c, predicted, first, second, at + c, (2,))
+        else:
+            gather(scratch, _MOTION + c, velocity, first, second, at + c, ())
+            gather(scratch, _SPIN_MORE + c, spin, first, second, at + c, (0, 1, 2))
+            if predicted is not None:
+                gather(scratch, _PREDICTED + c, predicted, first, second, at + c, ())
+                gather(scratch, _RATES_MORE + c, predicted_spin, first, second, at + c, (0, 1, 2))
 
 
-@njit(cache=True, fastmath=FAST)
-def pair_forces(force, history, sums, state, acceleration, start, neighbour, material, law, table, step):
-    """Add the contact forces of all listed pairs to `force` (n, 3); histories and energy sums follow.
+@njit(**KERNEL)
+def _gather_masses(scratch, massive, lightness, first, second, at, count):
+    """One over the reduced mass of each pair, where the law asks for it."""
+    if massive is None:
+        return
+    for c in range(count):
+        scratch[_LIGHTNESS + c] = lightness[first[at + c], 0] + lightness[second[at + c], 0]
+
+
+@njit(**KERNEL)
+def _gather_numbers(scratch, table, material, first, second, at, count):
+    """Constants of the law of each pair, where there are several laws."""
+    if table is None:
+        return
+    for c in range(count):
+        numbers = table[material[first[at + c]], material[second[at + c]]]
+        for k in range(numbers.size):
+            scratch[_NUMBERS + k * STRIDE + c] = numbers[k]
+
+
+@njit(**INLINE)
+def _triple(scratch, place):
+    return scratch[place], scratch[place + STRIDE], scratch[place + 2 * STRIDE]
+
+
+@njit(**INLINE)
+def _rates_in_plane(scratch, q, viscous):
+    if viscous is None:
+        return 0.0, 0.0, 0.0, 0.0
+    rate = scratch[_RATE + q]
+    return scratch[_PREDICTED + q], scratch[_PREDICTED + STRIDE + q], rate, rate + scratch[_PREDICTED + 2 * STRIDE + q]
+
+
+@njit(**INLINE)
+def _rates_in_space(scratch, q, viscous):
+    if viscous is None:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    x, y, z = _triple(scratch, _RATES + q)
+    dx, dy, dz = _triple(scratch, _RATES_MORE + q)
+    return _triple(scratch, _PREDICTED + q), (x, y, z), (x + dx, y + dy, z + dz)
+
+
+@njit(**INLINE)
+def _in_plane(scratch, q, step, viscous, law, blank):
+    """One pair of discs: its touch, the law's response, forces and torques to their columns."""
+    bx, by, _ = _triple(scratch, _PLACE + q)
+    dx, dy, more = _triple(scratch, _MOTION + q)
+    radius, turn = scratch[_RADIUS + q], scratch[_TURN + q]
+    touch = touch_in_plane(
+        bx, by, step * dx, step * dy, step * turn, step * (turn + more), _rates_in_plane(scratch, q, viscous),
+        radius, radius + scratch[_PLACE + 3 * STRIDE + q], 1.0 / scratch[_LIGHTNESS + q],
+    )  # fmt: skip
+    response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))
+    (nx, ny), shear, couple = touch.normal, response.tangential[0], response.couple[0]
+    px = -response.normal * nx - shear * ny
+    py = -response.normal * ny + shear * nx
+    arm = 0.5 * (touch.distance + touch.radii[0] - touch.radii[1])
+    store(scratch, _FORCE + q, STRIDE, (px, py, couple + arm * shear))
+    store(scratch, _OTHER + q, STRIDE, (px, py, couple - (touch.distance - arm) * shear))
+    store(scratch, _SPENT + q, STRIDE, plus(load(scratch, _SPENT + q, STRIDE, NOTHING), response.spent))
+    store(scratch, _HISTORY + q, STRIDE, response.history)
+
+
+@njit(**INLINE)
+def _in_space(scratch, q, step, viscous, law, blank):
+    """The same for a pair of spheres."""
+    radius = scratch[_RADIUS + q]
+    spin = _triple(scratch, _SPIN + q)
+    rate, rate_i, rate_j = _rates_in_space(scratch, q, viscous)
+    touch = touch_in_space(
+        _triple(scratch, _PLACE + q), scaled(step, _triple(scratch, _MOTION + q)), scaled(step, spin),
+        scaled(step, plus(spin, _triple(scratch, _SPIN_MORE + q))), rate, rate_i, rate_j,
+        radius, radius + scratch[_PLACE + 3 * STRIDE + q], 1.0 / scratch[_LIGHTNESS + q],
+    )  # fmt: skip
+    response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))
+    arm = 0.5 * (touch.distance + touch.radii[0] - touch.radii[1])
+    moment = cross(touch.normal, response.tangential)
+    store(scratch, _FORCE + q, STRIDE, moved(response.tangential, -response.normal, touch.normal))
+    store(scratch, _TORQUE + q, STRIDE, moved(response.couple, arm, moment))
+    store(scratch, _OTHER + q, STRIDE, moved(scaled(-1.0, response.couple), touch.distance - arm, moment))
+    store(scratch, _SPENT + q, STRIDE, plus(load(scratch, _SPENT + q, STRIDE, NOTHING), response.spent))
+    store(scratch, _HISTORY + q, STRIDE, response.history)
+
+
+@njit(**KERNEL)
+def _respond_all(scratch, count, step, space, viscous, law, table, blank):
+    """The law for all pairs of a batch (`space`, `viscous`: None or anything)."""
+    for q in range(count):
+        here = law_at(law, table, scratch, _NUMBERS + q)
+        if space is None:
+            _in_plane(scratch, q, step, viscous, here, blank)
+        else:
+            _in_space(scratch, q, step, viscous, here, blank)
+
+
+@njit(**KERNEL)
+def _scatter_pairs(scratch, force, torque, first, second, at, count):
+    """Add forces and torques to the rows; the last pairs one by one."""
+    whole = count - count % BLOCK
+    for c in range(0, whole, BLOCK):
+        scatter(scratch, _FORCE + c, force, first, at + c, 1)
+        if torque is None:
+            scatter(scratch, _OTHER + c, force, second, at + c, -1)
+        else:
+            scatter(scratch, _FORCE + c, force, second, at + c, -1)
+            scatter(scratch, _TORQUE + c, torque, first, at + c, 1)
+            scatter(scratch, _OTHER + c, torque, second, at + c, 1)
+    for c in range(whole, count):
+        i, j = first[at + c], second[at + c]
+        for k in range(3):
+            place = k * STRIDE + c
+            force[i, k] += scratch[_FORCE + place]
+            if torque is None:
+                force[j, k] -= scratch[_OTHER + place]
+            else:
+                force[j, k] -= scratch[_FORCE + place]
+                torque[i, k] += scratch[_TORQUE + place]
+                torque[j, k] += scratch[_OTHER + place]
+
+
+@njit(**KERNEL)
+def pair_forces(system, terms, step):
+    """Add the contact forces of all listed pairs to the rows' forces; histories and energy sums follow.
 
     Increments come from the displacement of the step, h v of the half step, so that a rigid motion of any size causes
     none; dashpots use the predictor v + h a / 2. Contact is overlap > 0: the force is continuous there, so that pairs
     which just touch carry nothing, whatever the rounding.
     """
-    half = 0.5 * step
-    power = 0.0
-    for i in range(state.shape[0]):
-        x = state[i, 0]
-        y = state[i, 1]
-        vx = state[i, 2]
-        vy = state[i, 3]
-        spin = state[i, 4]
-        radius = state[i, 5]
-        # velocity of the predictor at the end of the step
-        end_x = vx + half * acceleration[i, 0]
-        end_y = vy + half * acceleration[i, 1]
-        rate_i = spin + half * acceleration[i, 2]
-        fx = 0.0
-        fy = 0.0
-        torque = 0.0
-        for pair in range(start[i], start[i + 1]):
-            j = neighbour[pair]
-            bx = state[j, 0] - x
-            by = state[j, 1] - y
-            reach = radius + state[j, 5]
-            square = bx * bx + by * by
-            if square < reach * reach:
-                distance = math.sqrt(square)
-                inverse = 1.0 / distance
-                nx = bx * inverse
-                ny = by * inverse
-                overlap = reach - distance
-                # displacement increments of the step
-                dx = step * (state[j, 2] - vx)
-                dy = step * (state[j, 3] - vy)
-                ox = bx - dx
-                oy = by - dy
-                turn = turn_of(ox * by - oy * bx, ox * bx + oy * by)
-                opening = 0.25 * inverse * (dx * (bx + ox) + dy * (by + oy))  # half the change of the distance
-                arm_i = radius - 0.5 * overlap
-                arm_j = distance - arm_i
-                mean_i = arm_i - 0.5 * opening
-                mean_j = arm_j - 0.5 * opening
-                spin_j = state[j, 4]
-                slide = mean_i * (turn - step * spin) + mean_j * (turn - step * spin_j)
-                rolling_radius = arm_i * arm_j * inverse
-                mean_radius = mean_i * mean_j * inverse * (1.0 + opening * inverse)
-                rx = state[j, 2] + half * acceleration[j, 0] - end_x
-                ry = state[j, 3] + half * acceleration[j, 1] - end_y
-                rate_j = spin_j + half * acceleration[j, 2]
-                slide_rate = ry * nx - rx * ny - arm_i * rate_i - arm_j * rate_j
-                normal, shear, couple, taken = respond(
-                    law_between(law, table, material, i, j), history, pair, overlap, rx * nx + ry * ny,
-                    slide, slide_rate, mean_radius, rolling_radius, step * (spin - spin_j), rate_i - rate_j, sums,
-                )  # fmt: skip
-                power += taken
-                px = -normal * nx - shear * ny
-                py = -normal * ny + shear * nx
-                fx += px
-                fy += py
-                torque += arm_i * shear - couple
-                force[j, 0] -= px
-                force[j, 1] -= py
-                force[j, 2] += arm_j * shear + couple
-            else:
-                release(law_between(law, table, material, i, j), history, pair, sums)
-        force[i, 0] += fx
-        force[i, 1] += fy
-        force[i, 2] += torque
-    sums[POWER] += power
+    scratch, history = system.scratch, system.history
+    first, second = system.first, system.second
+    pairs = system.start[system.position.shape[0]]
+    scratch[_SPENT:_HISTORY] = 0.0
+    for at in range(0, pairs, WIDTH):
+        count = min(WIDTH, pairs - at)
+        _gather_pairs(
+            scratch, system.position, system.velocity, system.predicted, system.spin, system.predicted_spin, first, second,
+            at, count,
+        )  # fmt: skip
+        _gather_masses(scratch, terms.massive, system.lightness, first, second, at, count)
+        _gather_numbers(scratch, terms.table, system.material, first, second, at, count)
+        for k in range(history.shape[0]):
+            load_column(scratch, _HISTORY + k * STRIDE, history, k, at)
+        _respond_all(
+            scratch, count, step, present(system.spin), present(system.predicted), terms.law, terms.table, terms.blank
+        )
+        for k in range(history.shape[0]):
+            store_column(scratch, _HISTORY + k * STRIDE, history, k, at)
+        _scatter_pairs(scratch, system.force, system.torque, first, second, at, count)
+    for k in range(SPENT):
+        for c in range(WIDTH):
+            system.sums[k] += scratch[_SPENT + k * STRIDE + c]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from particles import neighbours
-from particles.network import Contacts, contacts, rolling_radius
+from particles.network import Contacts, contacts, stiffnesses
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
@@ -139,16 +139,14 @@ def effective_stress(stress: np.ndarray, poisson_ratio: float) -> np.ndarray:
 
 def reference_pairs(soil: Assembly, contact_range: float = 1e-3) -> np.ndarray:
     """Ids (k, 2) of discs closer than (1 + contact_range) (r_i + r_j) in the reference state."""
-    state = np.zeros((soil.count, 8))
-    state[:, :2], state[:, 5] = soil.reference, soil.radii
-    largest = soil.radii.max(initial=0.0)
+    places, radii = soil.reference, soil.radii
+    largest = radii.max(initial=0.0)
     skin = (2.0 * contact_range + 1e-12) * largest
     none = np.zeros(soil.count, dtype=bool)
-    start, second = neighbours.list_pairs(state, none, 2.0 * largest + skin, skin, 4 * soil.count + 16)
-    first = np.repeat(np.arange(soil.count), np.diff(start))
-    gap = np.hypot(*(state[second, :2] - state[first, :2]).T) - (1.0 + contact_range) * (
-        state[first, 5] + state[second, 5]
-    )
+    width, capacity = 2.0 * largest + skin, 4 * soil.count + 16
+    start, first, second = neighbours.list_pairs(places, radii, none, width, skin, soil.axes, capacity)
+    first, second = first[: start[-1]], second[: start[-1]]
+    gap = np.linalg.norm(places[second] - places[first], axis=1) - (1.0 + contact_range) * (radii[first] + radii[second])
     return np.column_stack([first, second])[gap < 0.0]
 
 
@@ -252,8 +250,8 @@ def moduli(
     weight = 0.5 * (member[found.first] + member[found.second]) * (found.first_arm + found.second_arm) ** 2 / area
     n = found.normal
     t = np.column_stack([-n[:, 1], n[:, 0]])
-    k = found.constants
-    stiffness = k[:, 0, None, None] * n[:, :, None] * n[:, None, :] + k[:, 2, None, None] * t[:, :, None] * t[:, None, :]
-    rotational = k[:, 8] + rolling_radius(found) ** 2 * k[:, 5]
+    k = stiffnesses(soil, found)
+    stiffness = k[:, 0, None, None] * n[:, :, None] * n[:, None, :] + k[:, 1, None, None] * t[:, :, None] * t[:, None, :]
+    rotational = k[:, 2]
     elastic = np.einsum("c,ci,ck,cjl->ijkl", weight, n, n, stiffness)
     return elastic, np.einsum("c,c,ci,ck->ik", weight, rotational, n, n)

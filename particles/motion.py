@@ -5,7 +5,7 @@ A run of steps of size h is `drift`, then for every step `evaluate` and either `
 after `kick` both are at the same time. Between a drift and the evaluation that follows it the list may be stale: ask
 `stale(system)`; if so, leave the jitted code, call `Assembly.refresh`, fetch the system anew and go on with `evaluate`.
 
-A caller that moves some rows itself (ghosts) writes their position, angle and velocity after `drift` or `kick_drift`,
+A caller that moves some rows itself (ghosts) writes their position, rotation and velocity after `drift` or `kick_drift`,
 such that the displacement of the step is h times the row's velocity, and their acceleration such that velocity + h/2
 acceleration is the velocity at the end of the step (read by dashpots only). It adds the distance that these rows may have
 moved beyond the others with `moved(system, distance)`.
@@ -30,196 +30,280 @@ from particles.system import (
     PLATE_UX,
     PLATE_UY,
     POWER,
+    RADIUS,
     SMALLEST_RADIUS,
+    STEADY,
     TIME,
     TRAVEL,
     TRAVEL_LIMIT,
     VISCOUS,
 )  # fmt: skip
+from particles.vectors import in_plane
 from particles.walls import move_plates, wall_forces
 
 FINISHED, STALE, UNSTABLE = 0, 1, 2
 CHECK_INTERVAL = 32  # steps between two looks for blow-up
+BLOCK = 256  # rows whose motion is advanced at a time, so that they stay in the fastest cache
+SMOOTH = {"cache": True, "fastmath": STEADY | {"reassoc"}, "error_model": "numpy"}  # sums may be taken in any order
 
 
 class Unstable(RuntimeError):
     """The particles have blown up: one of them moves by more than a radius in one step, or is not finite."""
 
 
-@njit(cache=True)
-def _damped(force, inverse_mass, velocity, mass_damping, local_damping, step):
+# ------------------------------------------------------------------- motion of a block of rows, as flat lists of numbers
+
+
+@njit(**SMOOTH)
+def _accelerate(acceleration, force, lightness, velocity, mass_damping, local_damping, step):
     """Acceleration with damping (M9: mass damping at the end of the step; local damping against the velocity)."""
-    total = force
-    if local_damping is not None:
-        total -= local_damping * abs(force) * np.sign(velocity)
-    total *= inverse_mass
-    if mass_damping is None:
-        return total
-    return (total - mass_damping * velocity) / (1.0 + 0.5 * mass_damping * step)
+    for e in range(acceleration.size):
+        total = force[e]
+        if local_damping is not None:
+            total -= local_damping * abs(total) * np.sign(velocity[e])
+        total *= lightness[e]
+        if mass_damping is not None:
+            total = (total - mass_damping * velocity[e]) / (1.0 + 0.5 * mass_damping * step)
+        acceleration[e] = total
 
 
-@njit(cache=True, fastmath={"contract", "arcp", "nsz"})
-def _mass_loss(mass_damping, mass, inertia, vx, vy, spin, wx, wy, wz):
-    """Power of mass damping at one level (W): c v M w, v there and w the mean velocity around it."""
-    if mass_damping is None:
-        return 0.0
-    return mass_damping * (mass * (vx * wx + vy * wy) + inertia * spin * wz)
+@njit(**SMOOTH)
+def _mass_loss(velocity, acceleration, lightness, half, move):
+    """Sum of v M w: v at the level `half` after `velocity`, w the mean velocity around it (`velocity` at an end)."""
+    total = 0.0
+    for e in range(velocity.size):
+        level = velocity[e] + half * acceleration[e]
+        total += level * (level if move == 1 else velocity[e]) / lightness[e]
+    return total
 
 
-@njit(cache=True, fastmath={"contract", "arcp", "nsz"})
-def _local_loss(local_damping, force, i, bx, by, bz, wx, wy, wz):
-    """Power of local damping at one level (W): alpha |F| sgn(v before) w."""
-    if local_damping is None:
-        return 0.0
-    total = abs(force[i, 0]) * np.sign(bx) * wx + abs(force[i, 1]) * np.sign(by) * wy
-    return local_damping * (total + abs(force[i, 2]) * np.sign(bz) * wz)
+@njit(**SMOOTH)
+def _start_loss(velocity, acceleration, lightness, half):
+    """The same at the start of a run: v is `velocity`, w that of the half step that follows."""
+    total = 0.0
+    for e in range(velocity.size):
+        total += velocity[e] * (velocity[e] + half * acceleration[e]) / lightness[e]
+    return total
 
 
-@njit(cache=True, fastmath={"contract", "arcp", "nsz"})
-def _drift(state, acceleration, force, sums, gravity, external, mass_damping, local_damping, step):
+@njit(**SMOOTH)
+def _local_loss(velocity, acceleration, force, half):
+    """Sum of |F| sgn(v) w: v before the level, w the mean velocity around it."""
+    total = 0.0
+    for e in range(velocity.size):
+        total += abs(force[e]) * np.sign(velocity[e]) * (velocity[e] + half * acceleration[e])
+    return total
+
+
+@njit(**SMOOTH)
+def _add(values, factor, rates):
+    """values += factor rates."""
+    for e in range(values.size):
+        values[e] += factor * rates[e]
+
+
+@njit(**SMOOTH)
+def _predict(predicted, velocity, acceleration, half):
+    """Velocity at the end of the step (for dashpots)."""
+    if predicted is not None:
+        for e in range(velocity.size):
+            predicted[e] = velocity[e] + half * acceleration[e]
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _fastest(velocity, plane):
+    """Largest speed squared among rows (n, 4); in the plane the third component is a spin."""
     fastest = 0.0
-    mass_loss = 0.0
-    local_loss = 0.0
-    half = 0.5 * step
-    for i in range(state.shape[0]):
-        mass = 1.0 / state[i, 6]
-        inertia = 0.5 * mass * state[i, 5] * state[i, 5]
-        bx = state[i, 2]
-        by = state[i, 3]
-        bz = state[i, 4]
-        vx = bx + half * acceleration[i, 0]
-        vy = by + half * acceleration[i, 1]
-        spin = bz + half * acceleration[i, 2]
-        mass_loss += _mass_loss(mass_damping, mass, inertia, bx, by, bz, vx, vy, spin)
-        local_loss += _local_loss(local_damping, force, i, bx, by, bz, vx, vy, spin)
-        _load_work(sums, i, vx, vy, spin, mass, gravity, external, step)
-        state[i, 0] += step * vx
-        state[i, 1] += step * vy
-        state[i, 7] += step * spin
-        state[i, 2] = vx
-        state[i, 3] = vy
-        state[i, 4] = spin
-        fastest = max(fastest, vx * vx + vy * vy)
-    sums[MASS_DAMPING] += half * mass_loss
-    sums[LOCAL_DAMPING] += half * local_loss
+    for i in range(velocity.shape[0]):
+        square = velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1]
+        if plane is None:
+            square += velocity[i, 2] * velocity[i, 2]
+        fastest = max(fastest, square)
     return fastest
 
 
-@njit(cache=True, fastmath={"contract", "arcp", "nsz"})
-def _load_work(sums, i, vx, vy, spin, mass, gravity, external, step):
-    """Book the work of gravity and external forces over the displacement of a step."""
-    if gravity is not None:
-        sums[GRAVITY] += step * mass * (gravity[0] * vx + gravity[1] * vy)
-    if external is not None:
-        sums[EXTERNAL] += step * (external[i, 0] * vx + external[i, 1] * vy + external[i, 2] * spin)
+@njit(cache=True)
+def _part(rows, a, b):
+    """Rows a to b as a flat list of numbers; None stays None."""
+    if rows is None:
+        return None
+    return rows[a:b].reshape(4 * (b - a))
 
 
-@njit(cache=True, fastmath={"contract", "arcp", "nsz"})
-def _kick(state, acceleration, force, sums, gravity, external, mass_damping, local_damping, step, move):
+@njit(cache=True)
+def _drift_rows(place, velocity, predicted, acceleration, force, lightness, sums, mass_damping, local_damping, step):
+    """First half kick and drift of one kind of motion."""
+    half = 0.5 * step
+    if mass_damping is not None:
+        sums[MASS_DAMPING] += half * mass_damping * _start_loss(velocity, acceleration, lightness, half)
+    if local_damping is not None:
+        sums[LOCAL_DAMPING] += half * local_damping * _local_loss(velocity, acceleration, force, half)
+    _add(velocity, half, acceleration)
+    _add(place, step, velocity)
+    _predict(predicted, velocity, acceleration, half)
+
+
+@njit(cache=True)
+def _kick_rows(place, velocity, predicted, acceleration, force, lightness, sums, mass_damping, local_damping, step, move):
     """New accelerations; velocities to the end of the step, or (move = 1) on to the middle of the next, and drift."""
-    fastest = 0.0
-    mass_loss = 0.0
-    local_loss = 0.0
     half = 0.5 * step
     onward = half + move * half
-    moved = move * step
-    weight = half + move * half
-    for i in range(state.shape[0]):
-        inverse_mass = state[i, 6]
-        radius = state[i, 5]
-        inverse_inertia = 2.0 * inverse_mass / (radius * radius)
-        vx = state[i, 2]
-        vy = state[i, 3]
-        spin = state[i, 4]
-        ax = _damped(force[i, 0], inverse_mass, vx, mass_damping, local_damping, step)
-        ay = _damped(force[i, 1], inverse_mass, vy, mass_damping, local_damping, step)
-        az = _damped(force[i, 2], inverse_inertia, spin, mass_damping, local_damping, step)
-        acceleration[i, 0] = ax
-        acceleration[i, 1] = ay
-        acceleration[i, 2] = az
-        mass = 1.0 / inverse_mass
-        ex = vx + half * ax
-        ey = vy + half * ay
-        ez = spin + half * az
-        # the mean velocity around this level: its own, or at the end of a run that of the half step before
-        wx = ex if move == 1 else vx
-        wy = ey if move == 1 else vy
-        wz = ez if move == 1 else spin
-        mass_loss += _mass_loss(mass_damping, mass, 0.5 * mass * radius * radius, ex, ey, ez, wx, wy, wz)
-        local_loss += _local_loss(local_damping, force, i, vx, vy, spin, wx, wy, wz)
-        vx += onward * ax
-        vy += onward * ay
-        spin += onward * az
-        state[i, 2] = vx
-        state[i, 3] = vy
-        state[i, 4] = spin
-        state[i, 0] += moved * vx
-        state[i, 1] += moved * vy
-        state[i, 7] += moved * spin
-        if move == 1:
-            _load_work(sums, i, vx, vy, spin, mass, gravity, external, step)
-        fastest = max(fastest, vx * vx + vy * vy)
-    sums[MASS_DAMPING] += weight * mass_loss
-    sums[LOCAL_DAMPING] += weight * local_loss
+    _accelerate(acceleration, force, lightness, velocity, mass_damping, local_damping, step)
+    if mass_damping is not None:
+        sums[MASS_DAMPING] += onward * mass_damping * _mass_loss(velocity, acceleration, lightness, half, move)
+    if local_damping is not None:
+        sums[LOCAL_DAMPING] += onward * local_damping * _local_loss(velocity, acceleration, force, move * half)
+    _add(velocity, onward, acceleration)
+    if move == 1:
+        _add(place, step, velocity)
+        _predict(predicted, velocity, acceleration, half)
+
+
+@njit(cache=True)
+def _drift(system, spin, terms, step):
+    fastest = 0.0
+    count = system.position.shape[0]
+    for a in range(0, count, BLOCK):
+        b = min(a + BLOCK, count)
+        _drift_rows(
+            _part(system.position, a, b), _part(system.velocity, a, b), _part(system.predicted, a, b),
+            _part(system.acceleration, a, b), _part(system.force, a, b), _part(system.lightness, a, b),
+            system.sums, terms.mass_damping, terms.local_damping, step,
+        )  # fmt: skip
+        if spin is not None:
+            _drift_rows(
+                _part(system.rotation, a, b), _part(system.spin, a, b), _part(system.predicted_spin, a, b),
+                _part(system.angular, a, b), _part(system.torque, a, b), _part(system.nimbleness, a, b),
+                system.sums, terms.mass_damping, terms.local_damping, step,
+            )  # fmt: skip
+        fastest = max(fastest, _fastest(system.velocity[a:b], in_plane(system.spin)))
+    _load_work(system.sums, system.velocity, system.spin, system.lightness, terms.gravity, system.external, step)
     return fastest
 
 
 @njit(cache=True)
-def _suspend(held, state, force):
-    """Take held components out of a loop over all rows: no velocity, no force."""
-    if held is not None:
-        for k in range(held.row.size):
-            i = held.row[k]
-            for c in range(3):
-                held.velocity[k, c] = state[i, 2 + c]
-                held.force[k, c] = force[i, c]
-                state[i, 2 + c] *= held.free[k, c]
-                force[i, c] *= held.free[k, c]
+def _kick(system, spin, terms, step, move):
+    fastest = 0.0
+    count = system.position.shape[0]
+    for a in range(0, count, BLOCK):
+        b = min(a + BLOCK, count)
+        _kick_rows(
+            _part(system.position, a, b), _part(system.velocity, a, b), _part(system.predicted, a, b),
+            _part(system.acceleration, a, b), _part(system.force, a, b), _part(system.lightness, a, b),
+            system.sums, terms.mass_damping, terms.local_damping, step, move,
+        )  # fmt: skip
+        if spin is not None:
+            _kick_rows(
+                _part(system.rotation, a, b), _part(system.spin, a, b), _part(system.predicted_spin, a, b),
+                _part(system.angular, a, b), _part(system.torque, a, b), _part(system.nimbleness, a, b),
+                system.sums, terms.mass_damping, terms.local_damping, step, move,
+            )  # fmt: skip
+        fastest = max(fastest, _fastest(system.velocity[a:b], in_plane(system.spin)))
+    if move == 1:
+        _load_work(system.sums, system.velocity, system.spin, system.lightness, terms.gravity, system.external, step)
+    return fastest
 
 
 @njit(cache=True)
-def _restore(held, state, acceleration, force, sums, weight, step):
+def _load_work(sums, velocity, spin, lightness, gravity, external, step):
+    """Book the work of gravity and external forces over the displacement of a step."""
+    if gravity is not None:
+        power = 0.0
+        for i in range(velocity.shape[0]):
+            along = gravity[0] * velocity[i, 0] + gravity[1] * velocity[i, 1]
+            if spin is not None:
+                along += gravity[2] * velocity[i, 2]
+            power += along / lightness[i, 0]
+        sums[GRAVITY] += step * power
+    if external is not None:
+        power = 0.0
+        for i in range(velocity.shape[0]):
+            for c in range(3):
+                power += external[i, c] * velocity[i, c]
+                if spin is not None:
+                    power += external[i, 3 + c] * spin[i, c]
+        sums[EXTERNAL] += step * power
+
+
+# -------------------------------------------------------------------------------------------------- held components
+
+
+@njit(cache=True)
+def _suspend_rows(held, velocity, force, first):
+    for k in range(held.row.size):
+        i = held.row[k]
+        for c in range(3):
+            held.velocity[k, first + c] = velocity[i, c]
+            held.force[k, first + c] = force[i, c]
+            velocity[i, c] *= held.free[k, first + c]
+            force[i, c] *= held.free[k, first + c]
+
+
+@njit(cache=True)
+def _restore_rows(held, place, velocity, predicted, acceleration, force, first, sums, weight, step):
+    for k in range(held.row.size):
+        i = held.row[k]
+        for c in range(3):
+            f = first + c
+            force[i, c] = held.force[k, f]
+            if held.free[k, f] == 0.0:
+                velocity[i, c] = held.velocity[k, f]
+                place[i, c] += step * held.velocity[k, f]
+                acceleration[i, c] = 0.0
+                if predicted is not None:
+                    predicted[i, c] = held.velocity[k, f]
+                sums[HELD] -= weight * held.force[k, f] * held.velocity[k, f]
+
+
+@njit(cache=True)
+def _suspend(held, spin, system):
+    """Take held components out of a loop over all rows: no velocity, no force."""
+    if held is not None:
+        _suspend_rows(held, system.velocity, system.force, 0)
+        if spin is not None:
+            _suspend_rows(held, system.spin, system.torque, 3)
+
+
+@njit(cache=True)
+def _restore(held, spin, system, weight, step):
     """Give held components their velocity back and move them by `step` s; largest speed squared among them."""
     fastest = 0.0
     if held is not None:
+        _restore_rows(
+            held, system.position, system.velocity, system.predicted, system.acceleration, system.force, 0, system.sums,
+            weight, step,
+        )  # fmt: skip
+        if spin is not None:
+            _restore_rows(
+                held, system.rotation, system.spin, system.predicted_spin, system.angular, system.torque, 3, system.sums,
+                weight, step,
+            )  # fmt: skip
         for k in range(held.row.size):
             i = held.row[k]
-            for c in range(3):
-                force[i, c] = held.force[k, c]
-                if held.free[k, c] == 0.0:
-                    state[i, 2 + c] = held.velocity[k, c]
-                    state[i, c if c < 2 else 7] += step * held.velocity[k, c]
-                    acceleration[i, c] = 0.0
-                    sums[HELD] -= weight * held.force[k, c] * held.velocity[k, c]
-            fastest = max(fastest, state[i, 2] ** 2 + state[i, 3] ** 2)
+            fastest = max(fastest, _fastest(system.velocity[i : i + 1], in_plane(system.spin)))
     return fastest
+
+
+# ----------------------------------------------------------------------------------------------------- building blocks
 
 
 @njit(cache=True)
 def drift(system, terms, step):
     """First half kick and drift: velocities to the middle of the step, positions and plates to its end."""
-    _suspend(system.held, system.state, system.force)
-    fastest = _drift(
-        system.state, system.acceleration, system.force, system.sums, terms.gravity, system.external,
-        terms.mass_damping, terms.local_damping, step,
-    )  # fmt: skip
-    _arrive(system, fastest, step, 0.5 * step)
+    _suspend(system.held, system.spin, system)
+    _arrive(system, _drift(system, system.spin, terms, step), step, 0.5 * step)
 
 
 @njit(cache=True)
 def kick_drift(system, terms, step):
     """After `evaluate`: accelerations, velocities on to the middle of the next step, positions and plates to its end."""
-    _suspend(system.held, system.state, system.force)
-    fastest = _kick(
-        system.state, system.acceleration, system.force, system.sums, terms.gravity, system.external,
-        terms.mass_damping, terms.local_damping, step, 1,
-    )  # fmt: skip
-    _arrive(system, fastest, step, step)
+    _suspend(system.held, system.spin, system)
+    _arrive(system, _kick(system, system.spin, terms, step, 1), step, step)
 
 
 @njit(cache=True)
 def _arrive(system, fastest, step, weight):
-    held = _restore(system.held, system.state, system.acceleration, system.force, system.sums, weight, step)
+    held = _restore(system.held, system.spin, system, weight, step)
     plates = move_plates(system.walls, step)
     system.clock[TRAVEL] += step * max(math.sqrt(max(fastest, held)), plates)
     system.clock[TIME] += step
@@ -228,31 +312,29 @@ def _arrive(system, fastest, step, weight):
 @njit(cache=True)
 def kick(system, terms, step):
     """After the last `evaluate`: accelerations, velocities to the end of the step. With step = 0: accelerations only."""
-    _suspend(system.held, system.state, system.force)
-    _kick(
-        system.state, system.acceleration, system.force, system.sums, terms.gravity, system.external,
-        terms.mass_damping, terms.local_damping, step, 0,
-    )  # fmt: skip
-    _restore(system.held, system.state, system.acceleration, system.force, system.sums, 0.5 * step, 0.0)
+    _suspend(system.held, system.spin, system)
+    _kick(system, system.spin, terms, step, 0)
+    _restore(system.held, system.spin, system, 0.5 * step, 0.0)
 
 
-@njit(cache=True, fastmath=FAST)
-def _load(force, state, gravity, external):
-    """Set the forces (n, 3) to the loads: gravity and the caller's external forces."""
-    for i in range(force.shape[0]):
-        fx = 0.0
-        fy = 0.0
-        moment = 0.0
-        if gravity is not None:
-            fx += gravity[0] / state[i, 6]
-            fy += gravity[1] / state[i, 6]
-        if external is not None:
-            fx += external[i, 0]
-            fy += external[i, 1]
-            moment += external[i, 2]
-        force[i, 0] = fx
-        force[i, 1] = fy
-        force[i, 2] = moment
+@njit(cache=True)
+def _load(force, torque, lightness, gravity, external):
+    """Set forces and torques to the loads: gravity and the caller's external forces."""
+    force[:] = 0.0
+    if torque is not None:
+        torque[:] = 0.0
+    if gravity is not None:
+        for i in range(force.shape[0]):
+            force[i, 0] = gravity[0] / lightness[i, 0]
+            force[i, 1] = gravity[1] / lightness[i, 0]
+            if torque is not None:
+                force[i, 2] = gravity[2] / lightness[i, 0]
+    if external is not None:
+        for i in range(force.shape[0]):
+            for c in range(3):
+                force[i, c] += external[i, c]
+                if torque is not None:
+                    torque[i, c] += external[i, 3 + c]
 
 
 @njit(cache=True)
@@ -264,12 +346,9 @@ def evaluate(system, terms, step):
     sums = system.sums
     power = sums[POWER]
     sums[POWER] = 0.0
-    _load(system.force, system.state, terms.gravity, system.external)
-    pair_forces(
-        system.force, system.history, sums, system.state, system.acceleration, system.start, system.neighbour,
-        system.material, terms.law, terms.table, step,
-    )  # fmt: skip
-    wall_forces(system.force, sums, system.state, system.acceleration, system.material, terms.law, system.walls, step)
+    _load(system.force, system.torque, system.lightness, terms.gravity, system.external)
+    pair_forces(system, terms, step)
+    wall_forces(system, terms, step)
     sums[VISCOUS] += 0.5 * step * (power + sums[POWER])
 
 
@@ -300,19 +379,26 @@ def stale(system):
     clock = system.clock
     if clock[TRAVEL] <= clock[TRAVEL_LIMIT]:
         return False
-    clock[TRAVEL] = max(largest_distance(system.state, system.listed), _plates_travel(system.walls))
+    clock[TRAVEL] = max(largest_distance(system.position, system.listed), _plates_travel(system.walls))
     return not clock[TRAVEL] <= clock[TRAVEL_LIMIT]
 
 
 @njit(cache=True)
 def runaway(system, step):
-    """Row of a disc that moves by more than the smallest radius in a step, or is not finite; -1 if there is none."""
-    state = system.state
-    limit = system.clock[SMALLEST_RADIUS] ** 2
-    for i in range(state.shape[0]):
-        surface = state[i, 4] * state[i, 5]
-        distance = step * step * (state[i, 2] * state[i, 2] + state[i, 3] * state[i, 3] + surface * surface)
-        if not (distance <= limit and abs(state[i, 0] + state[i, 1] + state[i, 7]) < 1e300):
+    """Row of a particle that moves by more than the smallest radius in a step, or is not finite; -1 if there is none."""
+    return _runaway(system.position, system.velocity, system.spin, system.clock[SMALLEST_RADIUS] ** 2, step)
+
+
+@njit(cache=True)
+def _runaway(position, velocity, spin, limit, step):
+    for i in range(position.shape[0]):
+        square = velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1]
+        surface = velocity[i, 2] * velocity[i, 2]
+        if spin is not None:
+            square += surface
+            surface = spin[i, 0] * spin[i, 0] + spin[i, 1] * spin[i, 1] + spin[i, 2] * spin[i, 2]
+        distance = step * step * (square + surface * position[i, RADIUS] * position[i, RADIUS])
+        if not (distance <= limit and abs(position[i, 0] + position[i, 1] + position[i, 2]) < 1e300):
             return i
     return -1
 

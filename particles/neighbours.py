@@ -5,30 +5,46 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from particles.columns import WIDTH
+
+ROOM = WIDTH + 8  # at least WIDTH pairs of unused room behind a list, for loops that work on whole batches
+
 
 @njit(cache=True)
-def cell_grid(state, width):
-    """Cells of at least `width` (m) over all discs, row-major, at most about four times as many as discs.
+def cell_grid(places, width, axes):
+    """Cells of at least `width` (m) over all particles, row-major, at most about four times as many as particles.
+
+    Args:
+        places: (n, >= axes) positions, m.
+        axes: 2 or 3.
 
     Returns:
-        cell of each row (n,) int32, number of columns, number of cells.
+        cell of each row (n,) int32; cells along each axis (3,) int64, one along an axis that is not there.
     """
-    count = state.shape[0]
-    x0 = x1 = state[0, 0]
-    y0 = y1 = state[0, 1]
-    for i in range(count):
-        x0 = min(x0, state[i, 0])
-        x1 = max(x1, state[i, 0])
-        y0 = min(y0, state[i, 1])
-        y1 = max(y1, state[i, 1])
-    while (1.0 + (x1 - x0) / width) * (1.0 + (y1 - y0) / width) > 4.0 * count + 64.0:
+    count = places.shape[0]
+    low, high = np.zeros(3), np.zeros(3)
+    for k in range(axes):
+        low[k] = high[k] = places[0, k]
+        for i in range(count):
+            low[k] = min(low[k], places[i, k])
+            high[k] = max(high[k], places[i, k])
+    while True:
+        cells = 1.0
+        for k in range(axes):
+            cells *= 1.0 + (high[k] - low[k]) / width
+        if cells <= 4.0 * count + 64.0:
+            break
         width *= 1.5
-    columns = int((x1 - x0) / width) + 1
-    lines = int((y1 - y0) / width) + 1
+    number = np.ones(3, dtype=np.int64)
+    for k in range(axes):
+        number[k] = int((high[k] - low[k]) / width) + 1
     cell = np.empty(count, dtype=np.int32)
     for i in range(count):
-        cell[i] = int((state[i, 1] - y0) / width) * columns + int((state[i, 0] - x0) / width)
-    return cell, columns, columns * lines
+        at = 0
+        for k in range(axes - 1, -1, -1):
+            at = at * number[k] + int((places[i, k] - low[k]) / width)
+        cell[i] = at
+    return cell, number
 
 
 @njit(cache=True)
@@ -48,83 +64,89 @@ def sort_by_cell(cell, cells):
 
 
 @njit(cache=True)
-def list_pairs(state, ghost, width, skin, capacity):
+def list_pairs(places, radii, ghost, width, skin, axes, capacity):
     """Half list of pairs closer than r_i + r_j + skin, without pairs of two ghosts.
 
     Args:
-        state: (n, 8) rows.
+        places: (n, >= axes) rows, m.
+        radii: (n,), m.
         ghost: (n,) bool.
         width: cell width, at least 2 r_max + skin (m).
+        axes: 2 or 3.
         capacity: room for pairs; grown on demand.
 
     Returns:
-        start (n + 1,) int32, neighbour (pairs,) int32, partners j > i, ascending by cell.
+        start (n + 1,) int32; first and second (pairs and some room,) int32, partners second > first.
     """
-    count = state.shape[0]
+    count = places.shape[0]
     start = np.zeros(count + 1, dtype=np.int32)
-    neighbour = np.empty(capacity, dtype=np.int32)
-    if count == 0:
-        return start, neighbour[:0].copy()
-    cell, columns, cells = cell_grid(state, width)
-    order, cell_start = sort_by_cell(cell, cells)
-    lines = cells // columns
+    partner = np.empty(capacity, dtype=np.int32)
     found = 0
+    if count > 0:
+        cell, number = cell_grid(places, width, axes)
+        order, cell_start = sort_by_cell(cell, number[0] * number[1] * number[2])
+        for i in range(count):
+            reach = radii[i] + skin
+            column = cell[i] % number[0]
+            line = (cell[i] // number[0]) % number[1]
+            layer = cell[i] // (number[0] * number[1])
+            left, right = max(column - 1, 0), min(column + 1, number[0] - 1)
+            for above in range(max(layer - 1, 0), min(layer + 2, number[2])):
+                for other in range(max(line - 1, 0), min(line + 2, number[1])):
+                    row = (above * number[1] + other) * number[0]
+                    for place in range(cell_start[row + left], cell_start[row + right + 1]):
+                        j = order[place]
+                        if j <= i:
+                            continue
+                        square = 0.0
+                        for k in range(axes):
+                            square += (places[j, k] - places[i, k]) ** 2
+                        limit = reach + radii[j]
+                        if square < limit * limit and not (ghost[i] and ghost[j]):
+                            if found == partner.size:
+                                grown = np.empty(2 * found + 16, dtype=np.int32)
+                                grown[:found] = partner
+                                partner = grown
+                            partner[found] = j
+                            found += 1
+            start[i + 1] = found
+    room = (found + ROOM) // 8 * 8
+    first = np.zeros(room, dtype=np.int32)
+    second = np.zeros(room, dtype=np.int32)
+    second[:found] = partner[:found]
     for i in range(count):
-        x = state[i, 0]
-        y = state[i, 1]
-        reach = state[i, 5] + skin
-        column = cell[i] % columns
-        line = cell[i] // columns
-        left = max(column - 1, 0)
-        right = min(column + 1, columns - 1)
-        for other in range(max(line - 1, 0), min(line + 2, lines)):
-            for place in range(cell_start[other * columns + left], cell_start[other * columns + right + 1]):
-                j = order[place]
-                if j <= i:
-                    continue
-                dx = state[j, 0] - x
-                dy = state[j, 1] - y
-                limit = reach + state[j, 5]
-                if dx * dx + dy * dy < limit * limit and not (ghost[i] and ghost[j]):
-                    if found == neighbour.size:
-                        grown = np.empty(2 * found + 16, dtype=np.int32)
-                        grown[:found] = neighbour
-                        neighbour = grown
-                    neighbour[found] = j
-                    found += 1
-        start[i + 1] = found
-    return start, neighbour[:found].copy()
+        first[start[i] : start[i + 1]] = i
+    return start, first, second
 
 
 @njit(cache=True)
-def carry_history(start, neighbour, history, old_start, old_neighbour, old_history, old_row_of, columns_that_turn):
-    """Copy contact histories from the old list.
+def carry_history(start, second, history, old_start, old_second, old_history, old_row_of, signs):
+    """Copy contact histories (columns, pairs) from the old list.
 
     Args:
         old_row_of: (n,) old row of each new row.
-        columns_that_turn: (channels,) factor for a pair whose order was exchanged: 1 for sliding (the tangent turns with
-            the normal), -1 for rolling force and moment.
+        signs: (columns,) factor for a pair whose order was exchanged.
     """
     for i in range(start.size - 1):
         old_i = old_row_of[i]
         for pair in range(start[i], start[i + 1]):
-            old_j = old_row_of[neighbour[pair]]
-            first = min(old_i, old_j)
-            second = max(old_i, old_j)
-            for old in range(old_start[first], old_start[first + 1]):
-                if old_neighbour[old] == second:
-                    for column in range(history.shape[1]):
-                        turn = 1.0 if first == old_i else columns_that_turn[column]
-                        history[pair, column] = turn * old_history[old, column]
+            old_j = old_row_of[second[pair]]
+            low, high = min(old_i, old_j), max(old_i, old_j)
+            for old in range(old_start[low], old_start[low + 1]):
+                if old_second[old] == high:
+                    for column in range(history.shape[0]):
+                        sign = 1.0 if low == old_i else signs[column]
+                        history[column, pair] = sign * old_history[column, old]
                     break
 
 
 @njit(cache=True)
-def largest_distance(state, positions):
-    """Largest distance (m) of the rows' present positions from `positions` (n, 2)."""
+def largest_distance(places, before):
+    """Largest distance (m) of the rows' present positions from `before` (n, axes)."""
     largest = 0.0
-    for i in range(state.shape[0]):
-        dx = state[i, 0] - positions[i, 0]
-        dy = state[i, 1] - positions[i, 1]
-        largest = max(largest, dx * dx + dy * dy)
+    for i in range(before.shape[0]):
+        square = 0.0
+        for k in range(before.shape[1]):
+            square += (places[i, k] - before[i, k]) ** 2
+        largest = max(largest, square)
     return np.sqrt(largest)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from particles import motion, neighbours, walls
 from particles.dispatch import Direct
-from particles.laws.li_chu import COLUMNS
-from particles.system import PLATE_DX, PLATE_DY, System, Terms
+from particles.laws.touch import FLAT, Touch, respond, with_numbers
+from particles.system import PLATE_DX, PLATE_DY, RADIUS, System, Terms
+from particles.vectors import load
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
@@ -19,80 +21,151 @@ evaluate, kick = Direct(motion.evaluate), Direct(motion.kick)
 
 
 class Contacts(NamedTuple):
-    """Contacts with the elastic part of their forces (dashpots are left out); plates have no id: second = -1."""
+    """Contacts with the elastic part of their forces (dashpots are left out); plates have no id: second = -1.
 
-    first: np.ndarray  # (k,) id of disc i
-    second: np.ndarray  # (k,) id of disc j, -1 for a plate
-    plate: np.ndarray  # (k,) index of the plate, -1 for pairs of discs
-    normal: np.ndarray  # (k, 2) from i to j, unit
+    `d` is 2 or 3; rotational quantities have one component in the plane and three in space.
+    """
+
+    first: np.ndarray  # (k,) id of particle i
+    second: np.ndarray  # (k,) id of particle j, -1 for a plate
+    plate: np.ndarray  # (k,) index of the plate, -1 for pairs of particles
+    normal: np.ndarray  # (k, d) from i to j, unit
     overlap: np.ndarray  # (k,) m, negative for a gap
     first_arm: np.ndarray  # (k,) lever arm of i, m
     second_arm: np.ndarray  # (k,) lever arm of j, m (0 for a plate)
-    force: np.ndarray  # (k, 2) on i, N
-    moment: np.ndarray  # (k,) couple on i from rolling force and rolling moment, N m
-    elastic: np.ndarray  # (k, 4) history: normal force, sliding force, rolling force (N), rolling moment (N m)
-    constants: np.ndarray  # (k, 12) of the law, see LiChu.row
+    push: np.ndarray  # (k,) normal force, N
+    force: np.ndarray  # (k, d) on i, N
+    moment: np.ndarray  # (k,) or (k, 3) couple on i from rolling and torsion, N m
+    history: dict[str, np.ndarray]  # (k, components) what the law remembers, by channel
+    law: np.ndarray  # (k,) place in `Assembly.all_laws`
 
 
 def rolling_radius(contacts: Contacts) -> np.ndarray:
-    """Rolling radius of each contact (k,), m: l_i l_j / (l_i + l_j), for a plate l_i; times the law's factor."""
+    """Rolling radius of each contact (k,), m: l_i l_j / (l_i + l_j), for a plate l_i."""
     a, b = contacts.first_arm, contacts.second_arm
-    radius = np.where(contacts.plate >= 0, a, a * b / np.where(a + b > 0.0, a + b, 1.0))
-    return radius * contacts.constants[:, 11]
+    return np.where(contacts.plate >= 0, a, a * b / np.where(a + b > 0.0, a + b, 1.0))
 
 
-def _columns(soil: Assembly, history: np.ndarray) -> np.ndarray:
-    """Histories (k, 3) with zero columns for absent channels."""
-    full = np.zeros((len(history), 3))
-    law = soil._law
-    present = [c for c, channel in enumerate((law.sliding, law.rolling, law.moment)) if channel is not None]
-    full[:, present] = history
-    return full
+def radii_of(soil: Assembly, contacts: Contacts) -> np.ndarray:
+    """Radii of both sides (k, 2), m; FLAT for plates."""
+    radii = soil.radii
+    return np.column_stack([radii[contacts.first], np.where(contacts.plate >= 0, FLAT, radii[contacts.second])])
+
+
+def stiffnesses(soil: Assembly, contacts: Contacts) -> np.ndarray:
+    """Tangent stiffness of normal, sliding (N/m), rolling, torsion (N m/rad) of each contact (k, 4), all sticking."""
+    found = np.zeros((len(contacts.first), 4))
+    radii, rolling = radii_of(soil, contacts), rolling_radius(contacts)
+    for k in np.unique(contacts.law):
+        these = contacts.law == k
+        found[these] = soil.all_laws[k].stiffness(contacts.overlap[these], radii[these], rolling[these])
+    return found
+
+
+def dashpots(soil: Assembly, contacts: Contacts) -> np.ndarray:
+    """Dashpots of the same (k, 4), N s/m and N m s/rad."""
+    found = np.zeros((len(contacts.first), 4))
+    radii, rolling, masses = radii_of(soil, contacts), rolling_radius(contacts), soil.masses
+    lightness = 1.0 / masses[contacts.first] + np.where(contacts.plate >= 0, 0.0, 1.0 / masses[contacts.second])
+    for k in np.unique(contacts.law):
+        these = contacts.law == k
+        found[these] = soil.all_laws[k].damping(
+            contacts.overlap[these], radii[these], rolling[these], 1.0 / lightness[these]
+        )
+    return found
+
+
+def stored(soil: Assembly, contacts: Contacts) -> dict[str, float]:
+    """Elastic energy by channel, J."""
+    radii = radii_of(soil, contacts)
+    total: dict[str, float] = {}
+    for k in range(len(soil.all_laws)):
+        these = contacts.law == k
+        history = {name: values[these] for name, values in contacts.history.items()}
+        for name, energy in soil.all_laws[k].stored(contacts.overlap[these], radii[these], history).items():
+            total[name] = total.get(name, 0.0) + float(energy.sum())
+    return total
+
+
+@njit(cache=True)
+def _rest_in_plane(law, numbers, blank, normal, overlap, distance, radii, rolling, history, push, tangential, couple):
+    """Actions of contacts that do not move: normal force (k,), tangential force and couple on i (k, components)."""
+    values = history.ravel()
+    for k in range(push.size):
+        touch = Touch(
+            overlap[k], 0.0, (0.0,), (0.0,), (0.0,), (0.0,), 0.0, 0.0, rolling[k], rolling[k], (normal[k, 0], normal[k, 1]),
+            distance[k], (radii[k, 0], radii[k, 1]), 1.0, (),
+        )  # fmt: skip
+        answer = respond(with_numbers(law, numbers[k], 0, 1), touch, load(values, k, push.size, blank))
+        push[k], tangential[k, 0], couple[k, 0] = answer.normal, answer.tangential[0], answer.couple[0]
+
+
+@njit(cache=True)
+def _rest_in_space(law, numbers, blank, normal, overlap, distance, radii, rolling, history, push, tangential, couple):
+    """The same for spheres."""
+    values, still = history.ravel(), (0.0, 0.0, 0.0)
+    for k in range(push.size):
+        n = (normal[k, 0], normal[k, 1], normal[k, 2])
+        touch = Touch(
+            overlap[k], 0.0, still, still, still, still, 0.0, 0.0, rolling[k], rolling[k], n,
+            distance[k], (radii[k, 0], radii[k, 1]), 1.0, (still, n, n),
+        )  # fmt: skip
+        answer = respond(with_numbers(law, numbers[k], 0, 1), touch, load(values, k, push.size, blank))
+        push[k] = answer.normal
+        for c in range(3):
+            tangential[k, c], couple[k, c] = answer.tangential[c], answer.couple[c]
+
+
+_rests = {2: Direct(_rest_in_plane), 3: Direct(_rest_in_space)}
 
 
 def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows i, j and histories (k, 3) of all pairs with overlap > -contact_range (r_i + r_j)."""
-    system = soil._system
-    start, neighbour, history = system.start, system.neighbour, system.history
+    """Rows i, j and histories (columns, k) of all pairs with overlap > -contact_range (r_i + r_j)."""
+    system, axes = soil._system, soil.axes
+    start, first, second, history = system.start, system.first, system.second, system.history
     if soil.count and 2.0 * contact_range * soil._radii.max() > 0.0:
         # also pairs that the list does not hold, or no longer holds
         skin = 2.0 * contact_range * soil._radii.max()
         width = 2.0 * soil._radii.max() + skin
-        start, neighbour = neighbours.list_pairs(system.state, soil._ghost[soil._ids], width, skin, 4 * soil.count + 16)
-        history = np.zeros((neighbour.size, system.history.shape[1]))
+        start, first, second = neighbours.list_pairs(
+            system.position, system.position[:, RADIUS], soil._ghost[soil._ids], width, skin, axes, 4 * soil.count + 16
+        )
+        history = np.zeros((len(soil._laws.columns), first.size))
         rows = np.arange(soil.count, dtype=np.int32)
         neighbours.carry_history(
-            start, neighbour, history, system.start, system.neighbour, system.history, rows, soil._columns_that_turn
+            start, second, history, system.start, system.second, system.history, rows, soil._laws.signs
         )
-    first = np.repeat(np.arange(soil.count), np.diff(start))
-    second = neighbour.astype(np.int64)
-    reach = system.state[first, 5] + system.state[second, 5]
-    branch = system.state[second, :2] - system.state[first, :2]
-    near = reach * (1.0 + contact_range) > np.hypot(branch[:, 0], branch[:, 1])
-    return first[near], second[near], _columns(soil, history[near])
+    count = int(start[-1])
+    first, second = first[:count].astype(np.int64), second[:count].astype(np.int64)
+    reach = system.position[first, RADIUS] + system.position[second, RADIUS]
+    branch = system.position[second, :axes] - system.position[first, :axes]
+    near = reach * (1.0 + contact_range) > np.linalg.norm(branch, axis=1)
+    return first[near], second[near], history[:, :count][:, near]
 
 
 def contacts(soil: Assembly, with_walls: bool = False, contact_range: float = 0.0) -> Contacts:
-    """Contacts of discs, and with plates on request; forces are zero where there is a gap."""
+    """Contacts of particles, and with plates on request; forces are zero where there is a gap."""
     if not (np.isfinite(contact_range) and contact_range >= 0.0):
         raise ValueError(f"contact_range={contact_range} must be zero or positive (share of the radii)")
-    state = soil._system.state
+    system, axes = soil._system, soil.axes
     i, j, history = pairs(soil, contact_range)
-    branch = state[j, :2] - state[i, :2]
-    distance = np.hypot(branch[:, 0], branch[:, 1])
-    overlap = state[i, 5] + state[j, 5] - distance
-    first_arm = state[i, 5] - 0.5 * overlap
-    if soil._table is None:
-        constants = np.broadcast_to(next(iter(soil.laws.values())).row(), (i.size, COLUMNS))
-    else:
-        constants = soil._table[soil._system.material[i], soil._system.material[j]]
+    branch = system.position[j, :axes] - system.position[i, :axes]
+    distance = np.linalg.norm(branch, axis=1)
+    radii = system.position[:, RADIUS]
+    overlap = radii[i] + radii[j] - distance
+    first_arm = radii[i] - 0.5 * overlap
+    kinds = (i * 0, j * 0) if system.material is None else (system.material[i], system.material[j])
     found = _assemble(
         soil, soil._ids[i], soil._ids[j], np.full(i.size, -1), branch / distance[:, None], overlap, first_arm,
-        distance - first_arm, history, constants,
+        distance - first_arm, history, soil._laws.of_pair[kinds],
     )  # fmt: skip
-    if with_walls and soil._system.walls is not None:
+    if with_walls and system.walls is not None:
         touching = _wall_contacts(soil, contact_range)
-        found = Contacts(*(np.concatenate(parts) for parts in zip(found, touching)))
+        history_of = {name: np.concatenate([found.history[name], touching.history[name]]) for name in found.history}
+        both = [
+            history_of if isinstance(a, dict) else np.concatenate([a, b]) for a, b in zip(found, touching, strict=True)
+        ]
+        found = Contacts(*both)
     return found
 
 
@@ -102,66 +175,69 @@ def _wall_contacts(soil: Assembly, contact_range: float) -> Contacts:
     normal = np.zeros((plates.row.size, 2))
     distance = np.zeros(plates.row.size)
     for c, (i, k) in enumerate(zip(plates.row, plates.plate)):
-        x, y = system.state[i, :2] - plates.plates[k, :2]
+        x, y = system.position[i, :2] - plates.plates[k, :2]
         first, last = plates.corner_start[k : k + 2]
         normal[c, 0], normal[c, 1], distance[c], _ = walls.closest_point(plates.corners, first, last, x, y)
-    radius = system.state[plates.row, 5]
+    radius = system.position[plates.row, RADIUS]
     near = radius * (1.0 + contact_range) > distance
-    material = 0 if system.material is None else system.material[plates.row]
-    constants = plates.laws[plates.plate, material]
-    history = _columns(soil, plates.history)
-    row, plate, normal, distance, history = (a[near] for a in (plates.row, plates.plate, normal, distance, history))
+    row, plate, normal, distance = (a[near] for a in (plates.row, plates.plate, normal, distance))
+    material = np.zeros(row.size, dtype=np.int64) if system.material is None else system.material[row]
     return _assemble(
         soil, soil._ids[row], np.full(row.size, -1), plate, normal, radius[near] - distance, distance,
-        np.zeros(row.size), history, constants[near],
+        np.zeros(row.size), plates.history[:, near], soil._plate_laws[plate, material],
     )  # fmt: skip
 
 
-def _assemble(soil, first, second, plate, normal, overlap, first_arm, second_arm, history, constants) -> Contacts:
-    normal_force = np.maximum(0.0, constants[:, 0] * overlap)
-    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
-    along = history[:, 0]
-    couple = -history[:, 2]
-    empty = np.zeros(first.size)
+def _assemble(soil, first, second, plate, normal, overlap, first_arm, second_arm, history, law) -> Contacts:
+    axes, count = soil.axes, first.size
+    push, tangential, couple = np.zeros(count), np.zeros((count, 2 * axes - 3)), np.zeros((count, 2 * axes - 3))
     found = Contacts(
-        first, second, plate, normal, overlap, first_arm, second_arm, np.zeros((first.size, 2)), empty,
-        np.column_stack([normal_force, history]), constants,
-    )  # fmt: skip
-    if soil._law.literal is None:
-        couple = couple - rolling_radius(found) * history[:, 1]
-    else:
-        along = along - history[:, 1]
-    force = along[:, None] * tangent - normal_force[:, None] * normal
-    return found._replace(force=force, moment=couple)
+        first, second, plate, normal, overlap, first_arm, second_arm, push, normal, push, soil._laws.by_channel(history), law
+    )
+    if count:
+        _rests[axes](
+            soil._laws.template, soil._numbers[law], soil._laws.blank, np.ascontiguousarray(normal), overlap,
+            first_arm + second_arm, radii_of(soil, found), rolling_radius(found), np.ascontiguousarray(history), push,
+            tangential, couple,
+        )  # fmt: skip
+    if axes == 2:
+        tangential = tangential * np.column_stack([-normal[:, 1], normal[:, 0]])
+        couple = couple[:, 0]
+    return found._replace(force=tangential - push[:, None] * normal, moment=couple)
 
 
 class Before(NamedTuple):
     """Histories before the last evaluation and the displacements of the step that led to it."""
 
-    history: np.ndarray  # (pairs, channels)
-    wall_history: Any  # None or (listed, channels)
-    moved: np.ndarray  # (n, 3), row order, m and rad
+    history: np.ndarray  # (columns, pairs)
+    wall_history: Any  # None or (columns, listed)
+    moved: np.ndarray  # (n, freedoms), row order, m and rad
 
 
 def trial_forces(
     system: System, terms: Terms, increment: np.ndarray, velocity: np.ndarray, before: Before | None = None
 ) -> np.ndarray:
-    """Forces (n, 3) in row order at a displaced state; see `Assembly.trial_forces`.
+    """Forces (n, freedoms) in row order at a displaced state; see `Assembly.trial_forces`.
 
     With `before` the last step is made again with the displacement `moved + increment`: with a zero increment the forces
     are those of the last evaluation, slip and dashpots included.
     """
-    state = system.state.copy()
-    state[:, :2] += increment[:, :2]
-    state[:, 7] += increment[:, 2]
     # one step of unit size: the row velocity is the displacement of the step, and the predictor is the velocity given
     moved = increment if before is None else before.moved + increment
-    state[:, 2:5] = moved
-    history = system.history if before is None else before.history
-    trial = system._replace(
-        state=state, acceleration=np.ascontiguousarray(2.0 * (velocity - moved)), force=np.zeros_like(system.force),
-        history=history.copy(), sums=np.zeros_like(system.sums),
-    )  # fmt: skip
+    changed: dict[str, Any] = {
+        "history": (system.history if before is None else before.history).copy(), "sums": np.zeros_like(system.sums),
+    }  # fmt: skip
+    kinds = [("position", "velocity", "predicted", "force")]
+    kinds += [] if system.spin is None else [("rotation", "spin", "predicted_spin", "torque")]
+    for k, (place, motion_of, predicted, force) in enumerate(kinds):
+        part = slice(3 * k, 3 * k + 3)
+        for name, values, add in ((place, increment, True), (motion_of, moved, False), (predicted, velocity, False)):
+            rows = getattr(system, name)
+            if rows is not None:
+                changed[name] = rows.copy()
+                changed[name][:, :3] = values[:, part] + (rows[:, :3] if add else 0.0)
+        changed[force] = np.zeros_like(getattr(system, force))
+    trial = system._replace(**changed)
     if system.walls is not None:
         plates, history = system.walls.plates.copy(), system.walls.history
         if before is None:
@@ -170,4 +246,9 @@ def trial_forces(
             history = before.wall_history
         trial = trial._replace(walls=system.walls._replace(plates=plates, history=history.copy()))
     evaluate(trial, terms, 1.0)
-    return trial.force
+    return rows_of(trial.force, trial.torque)
+
+
+def rows_of(translations: np.ndarray, rotations: np.ndarray | None) -> np.ndarray:
+    """Generalised components (n, freedoms) from rows of four, in the rows' order."""
+    return translations[:, :3].copy() if rotations is None else np.hstack([translations[:, :3], rotations[:, :3]])

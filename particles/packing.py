@@ -134,10 +134,10 @@ class _Box:
     def _list(self, skin: float) -> tuple[np.ndarray, np.ndarray]:
         order = np.lexsort((self.places[:, 0], np.floor(self.places[:, 1] / (2.0 * self.radii.max()))))
         self.places, self.radii = np.ascontiguousarray(self.places[order]), self.radii[order]
-        state = np.zeros((self.radii.size, 8))
-        state[:, :2], state[:, 5] = self.places, self.radii
         none = np.zeros(self.radii.size, dtype=bool)
-        return neighbours.list_pairs(state, none, 2.0 * self.radii.max() + skin, skin, 4 * self.radii.size)
+        width = 2.0 * self.radii.max() + skin
+        start, _, second = neighbours.list_pairs(self.places, self.radii, none, width, skin, 2, 4 * self.radii.size)
+        return start, second[: start[-1]]
 
     def settle(self, tolerance: float) -> float:
         """Relax to equilibrium; mean overlap of the contacts as a share of the mean radius, 0 if there is no jam."""

@@ -6,44 +6,62 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from particles.network import contacts, rolling_radius
+from particles.network import Contacts, contacts, dashpots, stiffnesses
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
 
 
+def tangents(normal: np.ndarray) -> list[np.ndarray]:
+    """Unit vectors (k, d) that make an orthonormal frame with the normals (k, d): one in the plane, two in space."""
+    if normal.shape[1] == 2:
+        return [np.column_stack([-normal[:, 1], normal[:, 0]])]
+    axis = np.eye(3)[np.abs(normal).argmin(axis=1)]
+    first = np.cross(normal, axis)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return [first, np.cross(normal, first)]
+
+
+def relative_motions(found: Contacts) -> list[tuple[int, np.ndarray]]:
+    """Relative displacements of contacts as products with (q_i, q_j): column of `stiffnesses`, matrix (k, 2 freedoms)."""
+    n, other = found.normal, np.where(found.plate >= 0, 0.0, 1.0)[:, None]
+    arm_i, arm_j = found.first_arm[:, None], found.second_arm[:, None]
+    plane = n.shape[1] == 2
+    none = np.zeros((len(n), 1 if plane else 3))
+    motions = [(0, np.hstack([-n, none, other * n, none]))]
+    for t in tangents(n):
+        turn = np.ones_like(none) if plane else np.cross(n, t)
+        motions.append((1, np.hstack([-t, -arm_i * turn, other * t, -other * arm_j * turn])))
+        about = np.ones_like(none) if plane else t
+        motions.append((2, np.hstack([0.0 * t, about, 0.0 * t, -other * about])))
+    if not plane:
+        motions.append((3, np.hstack([none, n, none, -other * n])))
+    return motions
+
+
 def stiffness_matrix(soil: Assembly, contact_range: float = 0.0, walls: bool = False) -> Any:
-    """Stiffness of sticking contacts, scipy CSR (3n, 3n), id order, symmetric: energy 1/2 q K q.
+    """Stiffness of sticking contacts, scipy CSR (f n, f n), f = 3 or 6 freedoms, id order, symmetric: energy 1/2 q K q.
 
     All pairs with overlap > -contact_range (r_i + r_j), without tension cut, limits and geometric stiffness; with `walls`
     also contacts with plates at rest.
 
     Returns:
-        Rows and columns 3 id + (0, 1, 2) for (x, y, rotation); N/m, N, N m.
+        Rows and columns f id + k for the k-th generalised component; N/m, N, N m.
     """
     from scipy import sparse
 
     found = contacts(soil, walls, contact_range)
-    size = 3 * soil.count
-    n, zero = found.normal, np.zeros(len(found.first))
-    t = np.column_stack([-n[:, 1], n[:, 0]])
-    other = np.where(found.plate >= 0, 0.0, 1.0)
-    unit = np.ones_like(zero)
-    # rows: relative displacement in the three directions as a product with (u_i, u_j)
-    opening = np.column_stack([-n[:, 0], -n[:, 1], zero, other * n[:, 0], other * n[:, 1], zero])
-    slide = np.column_stack(
-        [-t[:, 0], -t[:, 1], -found.first_arm, other * t[:, 0], other * t[:, 1], -other * found.second_arm]
-    )
-    roll = np.column_stack([zero, zero, unit, zero, zero, -other])
-    rotational = found.constants[:, 8] + rolling_radius(found) ** 2 * found.constants[:, 5]
-    blocks = sum(
-        k[:, None, None] * b[:, :, None] * b[:, None, :]
-        for k, b in ((found.constants[:, 0], opening), (found.constants[:, 2], slide), (rotational, roll))
-    )
+    freedoms = soil.freedoms
+    size = freedoms * soil.count
+    stiffness = stiffnesses(soil, found)
+    blocks = np.zeros((len(found.first), 2 * freedoms, 2 * freedoms))
+    for kind, b in relative_motions(found):
+        blocks += stiffness[:, kind, None, None] * b[:, :, None] * b[:, None, :]
     second = np.where(found.plate >= 0, found.first, found.second)
-    dofs = np.concatenate([3 * found.first[:, None] + np.arange(3), 3 * second[:, None] + np.arange(3)], axis=1)
-    rows = np.repeat(dofs, 6, axis=1).ravel()
-    columns = np.tile(dofs, (1, 6)).ravel()
+    own = np.arange(freedoms)
+    dofs = np.concatenate([freedoms * found.first[:, None] + own, freedoms * second[:, None] + own], axis=1)
+    rows = np.repeat(dofs, 2 * freedoms, axis=1).ravel()
+    columns = np.tile(dofs, (1, 2 * freedoms)).ravel()
     return sparse.coo_matrix((np.ravel(blocks), (rows, columns)), shape=(size, size)).tocsr()
 
 
@@ -69,13 +87,15 @@ def critical_step(soil: Assembly, sharp: bool = False, contact_range: float = 1e
     second = np.where(discs, found.second, 0)
     light_i, light_j = (degree / masses)[found.first], np.where(discs, (degree / masses)[second], 0.0)
     spin_i, spin_j = (degree / inertias)[found.first], np.where(discs, (degree / inertias)[second], 0.0)
-    k = found.constants
-    radius = rolling_radius(found)
+    stiffness, damping = stiffnesses(soil, found), dashpots(soil, found)
     opening = light_i + light_j
     slide = opening + found.first_arm**2 * spin_i + found.second_arm**2 * spin_j
     roll = spin_i + spin_j
-    square = np.maximum(k[:, 0] * opening, k[:, 2] * slide + (k[:, 8] + radius**2 * k[:, 5]) * roll).max()
-    rate = np.maximum(k[:, 1] * opening, k[:, 4] * slide + (k[:, 10] + radius**2 * k[:, 7]) * roll).max()
+
+    def bound(k: np.ndarray) -> float:
+        return float(np.max([k[:, 0] * opening, k[:, 1] * slide + k[:, 2] * roll, k[:, 3] * roll]))
+
+    square, rate = bound(stiffness), bound(damping)
     if sharp:
         square = largest_eigenvalue(stiffness_matrix(soil, contact_range, walls=True), masses, inertias)
     frequency = np.sqrt(square)
@@ -88,7 +108,10 @@ def largest_eigenvalue(stiffness: Any, masses: np.ndarray, inertias: np.ndarray)
     from scipy import sparse
     from scipy.sparse.linalg import eigsh
 
-    scale = sparse.diags(1.0 / np.sqrt(np.column_stack([masses, masses, inertias]).ravel()))
+    count = len(masses)
+    axes = 2 if stiffness.shape[0] == 3 * count else 3
+    weights = np.hstack([np.repeat(masses[:, None], axes, 1), np.repeat(inertias[:, None], 2 * axes - 3, 1)])
+    scale = sparse.diags(1.0 / np.sqrt(weights.ravel()))
     scaled = scale @ stiffness @ scale
     if scaled.shape[0] < 32:
         return float(np.linalg.eigvalsh(scaled.toarray())[-1])

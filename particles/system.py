@@ -1,33 +1,46 @@
 """The particle system as the kernels see it: named tuples of arrays, and the places of the energy sums.
 
-Rows are sorted by position (see `particles.neighbours`); `Assembly.rows` maps ids to rows.
+Rows are sorted by position (see `particles.neighbours`); `Assembly.rows` maps ids to rows. Motion is held in rows of four
+numbers, which the pair loop reads as one (see `particles.columns`). In the plane the three generalised coordinates of a
+disc, x, y and angle, share a row; in space rotations have rows of their own.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import llvmlite.binding as llvm
+
+# Functions of the pair loop are compiled one by one before they are put together. Vector instructions for neighbouring
+# numbers ("SLP") within one of them would keep the loop as a whole from becoming vector code: no gain is large enough.
+llvm.set_option("", "-slp-threshold=1000000")
+
 # LLVM may contract, use reciprocals and assume finite numbers; checks for blow-up live in functions without it.
 FAST = {"contract", "arcp", "nsz", "nnan", "ninf"}
+STEADY = {"contract", "arcp", "nsz"}  # the same where numbers may be infinite
+KERNEL = {"cache": True, "fastmath": FAST, "error_model": "numpy"}
+INLINE = {**KERNEL, "forceinline": True}  # so that the loop over pairs can be turned into vector instructions
 
-# Columns of `System.state`
-X, Y, VX, VY, SPIN, RADIUS, INVERSE_MASS, ANGLE = range(8)
+RADIUS = 3  # column of `System.position`
 
 # Entries of `System.sums` (J, power in W)
 (
     FRICTION_SLIDING,
     FRICTION_ROLLING,
     FRICTION_MOMENT,
-    VISCOUS,
+    POWER,
     LOSS,
+    BREAKING,
+    VISCOUS,
     MASS_DAMPING,
     LOCAL_DAMPING,
     GRAVITY,
     EXTERNAL,
     WALLS,
     HELD,
-    POWER,
-) = range(12)
+) = range(13)
+SPENT = 6  # the first entries are what a contact law books: friction by channel, dashpot power, opened, broken contacts
+SUMS = 13
 
 # Entries of `System.clock`
 TIME, TRAVEL, TRAVEL_LIMIT, SMALLEST_RADIUS = range(4)
@@ -47,10 +60,10 @@ class Walls(NamedTuple):
     listed: Any  # (plates, 2) displacement at the last list build
     corner_start: Any  # (plates + 1,) int32
     corners: Any  # (corners, 2) reference positions, counter-clockwise
-    laws: Any  # (plates, materials, COLUMNS) constants
+    laws: Any  # (plates, materials, numbers) constants
     row: Any  # (listed,) int32: disc
     plate: Any  # (listed,) int32: plate
-    history: Any  # (listed, channels)
+    history: Any  # (columns, listed)
     drive: Any  # None or (steps, plates, 2): velocities of the coming steps
     drive_step: Any  # (1,) int64: row of `drive` for the next step
 
@@ -59,34 +72,51 @@ class Held(NamedTuple):
     """Rows with held components, and room to keep their velocity and force while a loop passes over them."""
 
     row: Any  # (held,) int32
-    free: Any  # (held, 3) float64: 0 where held, 1 where free
-    velocity: Any  # (held, 3)
-    force: Any  # (held, 3)
+    free: Any  # (held, freedoms) float64: 0 where held, 1 where free
+    velocity: Any  # (held, freedoms)
+    force: Any  # (held, freedoms)
 
 
 class System(NamedTuple):
-    """All that the kernels read and write; fetch it anew (`Assembly.system`) after `prepare` and `refresh`."""
+    """All that the kernels read and write; fetch it anew (`Assembly.system`) after `prepare` and `refresh`.
 
-    state: Any  # (n, 8): x, y, vx, vy, angular velocity, radius, inverse mass, angle
-    acceleration: Any  # (n, 3)
-    force: Any  # (n, 3): total of the last evaluation
+    In the plane (x, y, angle) are the first three columns of `position`, and so on; in space translations are there and
+    rotations in the arrays that are None in the plane. "Predicted" is the velocity at the end of the step, for dashpots.
+    """
+
+    position: Any  # (n, 4): x, y, angle or z; radius
+    velocity: Any  # (n, 4): of the middle of the step while it runs; 0
+    predicted: Any  # None (no dashpots) or (n, 4): velocity + step / 2 acceleration; 0
+    acceleration: Any  # (n, 4); 0
+    force: Any  # (n, 4): total of the last evaluation; 0
+    lightness: Any  # (n, 4): one over mass or inertia of each component; 1
+    rotation: Any  # None or (n, 4): sum of the rotation increments; 0
+    spin: Any  # None or (n, 4)
+    predicted_spin: Any  # None or (n, 4)
+    angular: Any  # None or (n, 4): angular acceleration; 0
+    torque: Any  # None or (n, 4)
+    nimbleness: Any  # None or (n, 4): one over the inertia; 1
     start: Any  # (n + 1,) int32: CSR half list, partners j > i of row i
-    neighbour: Any  # (pairs,) int32
-    history: Any  # (pairs, channels): elastic sliding force, rolling force, rolling moment (those present)
+    first: Any  # (pairs and some room,) int32: i of each pair
+    second: Any  # (pairs and some room,) int32: j of each pair
+    history: Any  # (columns, pairs and some room): what the contact law remembers
+    scratch: Any  # (room for a batch of pairs,)
     material: Any  # None or (n,) int32
-    external: Any  # None or (n, 3): constant forces of the caller
+    external: Any  # None or (n, freedoms): constant forces of the caller
     walls: Any  # None or Walls
     held: Any  # None or Held
-    listed: Any  # (n, 2): positions at the last list build
-    sums: Any  # (12,): energy sums
+    listed: Any  # (n, 3): positions (in the plane: angles, too) at the last list build
+    sums: Any  # (SUMS,): energy sums
     clock: Any  # (4,): time, travel since the list was built, its limit, smallest radius
 
 
 class Terms(NamedTuple):
     """What the scene has; None is pruned when the loops are compiled."""
 
-    law: Any  # Law
-    table: Any  # None or (materials, materials, COLUMNS)
-    gravity: Any  # None or (gx, gy) in m/s2
+    law: Any  # constants of the contact law, a named tuple
+    table: Any  # None or (materials, materials, numbers)
+    blank: Any  # tuple of zeros, one for each column of history
+    massive: Any  # None, or 1 where the law asks for masses
+    gravity: Any  # None or (gx, gy, gz) in m/s2
     mass_damping: Any  # None or c in 1/s
     local_damping: Any  # None or alpha

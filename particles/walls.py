@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from particles.contacts import turn_of
-from particles.laws.li_chu import LiChu, law_of, release, respond
+from particles.laws import LiChu
+from particles.laws.touch import FLAT, Touch, respond, wall_law
 from particles.system import (
-    FAST,
+    KERNEL,
     PLATE_DX,
     PLATE_DY,
     PLATE_FX,
@@ -25,9 +25,11 @@ from particles.system import (
     PLATE_WORK,
     PLATE_X,
     PLATE_Y,
-    POWER,
+    RADIUS,
+    SPENT,
     WALLS,
 )  # fmt: skip
+from particles.vectors import load, store
 
 Velocity = Sequence[float] | np.ndarray | Callable[[float], Sequence[float]]
 
@@ -142,14 +144,14 @@ class Plate:
         """Work done on the particles by the plate's motion, J."""
         return float(self._row[PLATE_WORK])
 
-    def constants(self, laws: dict[tuple[int, int], LiChu], materials: int) -> np.ndarray:
-        """Rows of law constants (materials, columns) against each material of the discs."""
-        rows = []
+    def laws(self, laws: dict[tuple[int, int], Any], materials: int) -> list[Any]:
+        """Law of the plate against each material of the particles."""
+        found = []
         for material in range(materials):
             law = self.law[material] if isinstance(self.law, dict) else self.law
             law = law or laws[material, material]
-            rows.append((law.without_friction() if self.frictionless else law).row())
-        return np.array(rows)
+            found.append(law.without_friction() if self.frictionless else law)
+        return found
 
 
 @njit(cache=True)
@@ -202,71 +204,97 @@ def _book_plate(plates, k):
     plates[k, PLATE_WORK] -= 0.5 * (plates[k, PLATE_FX] * plates[k, PLATE_DX] + plates[k, PLATE_FY] * plates[k, PLATE_DY])
 
 
-@njit(cache=True, fastmath=FAST)
-def wall_forces(force, sums, state, acceleration, material, law, walls, step):
-    """Add plate contacts to `force` (n, 3), set the reactions on the plates and book the plates' work.
+@njit(**KERNEL)
+def _touch_of_plate(nx, ny, distance, corner, dx, dy, turn, rate, radius, mass):
+    """Touch of a disc (i) and a plate (j) in the plane: lever arm and rolling radius are the distance.
 
-    Each disc touches a plate at most once, at the plate's closest point, with lever arm and rolling radius equal to its
-    distance. The plate's displacement increment of the step is that of its row (zero while it is held).
+    Args:
+        nx, ny, distance: to the closest point of the plate.
+        corner: whether that is a corner.
+        dx, dy: displacement of the plate against the disc in the step, m; `turn` of the disc, rad.
+        rate: relative velocity (x, y) of the plate and spin of the disc at the end of the step.
     """
+    half = 0.5 * (dx * nx + dy * ny)
+    mean = distance - half
+    rx, ry, spin = rate
+    if corner:
+        bx, by = distance * nx, distance * ny
+        ox, oy = bx - dx, by - dy
+        mean = 0.5 * (distance + math.sqrt(ox * ox + oy * oy))
+        slide = mean * (math.atan2(ox * by - oy * bx, ox * bx + oy * by) - turn)
+    else:
+        slide = dy * nx - dx * ny - mean * turn
+    return Touch(
+        radius - distance, rx * nx + ry * ny, (slide,), (ry * nx - rx * ny - distance * spin,), (turn,), (spin,), 0.0, 0.0,
+        mean, distance, (nx, ny), distance, (radius, FLAT), mass, (),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _rates_of(predicted, i):
+    if predicted is None:
+        return 0.0, 0.0, 0.0
+    return predicted[i, 0], predicted[i, 1], predicted[i, 2]
+
+
+@njit(cache=True)
+def _material_of(material, i):
+    return 0 if material is None else material[i]
+
+
+@njit(cache=True)
+def wall_forces(system, terms, step):
+    """Add plate contacts to the forces, set the reactions on the plates and book the plates' work.
+
+    Each disc touches a plate at most once, at the plate's closest point. The plate's displacement increment of the step
+    is that of its row (zero while it is held).
+    """
+    _plate_forces(system, system.walls, terms, step)
+
+
+@njit(cache=True)
+def _plate_forces(system, walls, terms, step):
     if walls is None:
         return
-    plates = walls.plates
+    plates, sums, position, velocity = walls.plates, system.sums, system.position, system.velocity
+    stride = walls.history.shape[1]
+    history = walls.history.reshape(walls.history.size)
     for k in range(plates.shape[0]):
         _book_plate(plates, k)
         plates[k, PLATE_FX] = 0.0
         plates[k, PLATE_FY] = 0.0
         plates[k, PLATE_MOMENT] = 0.0
-    half = 0.5 * step
     for contact in range(walls.row.size):
-        i = walls.row[contact]
-        k = walls.plate[contact]
-        x = state[i, 0] - plates[k, PLATE_UX]
-        y = state[i, 1] - plates[k, PLATE_UY]
+        i, k = walls.row[contact], walls.plate[contact]
+        x = position[i, 0] - plates[k, PLATE_UX]
+        y = position[i, 1] - plates[k, PLATE_UY]
         nx, ny, distance, corner = closest_point(walls.corners, walls.corner_start[k], walls.corner_start[k + 1], x, y)
-        overlap = state[i, 5] - distance
-        laws = law_of(law, walls.laws[k, 0 if material is None else material[i]])
-        if overlap <= 0.0:
-            release(laws, walls.history, contact, sums)
-            continue
-        dx = plates[k, PLATE_DX] - step * state[i, 2]
-        dy = plates[k, PLATE_DY] - step * state[i, 3]
-        opening = 0.5 * (dx * nx + dy * ny)
-        mean = distance - opening
-        roll = step * state[i, 4]
-        if corner:
-            bx = distance * nx
-            by = distance * ny
-            ox = bx - dx
-            oy = by - dy
-            before = math.sqrt(ox * ox + oy * oy)
-            mean = 0.5 * (distance + before)
-            slide = mean * (turn_of(ox * by - oy * bx, ox * bx + oy * by) - roll)
-        else:
-            slide = dy * nx - dx * ny - mean * roll
-        rx = plates[k, PLATE_VX] - state[i, 2] - half * acceleration[i, 0]
-        ry = plates[k, PLATE_VY] - state[i, 3] - half * acceleration[i, 1]
-        rate = state[i, 4] + half * acceleration[i, 2]
-        normal, shear, couple, taken = respond(
-            laws, walls.history, contact, overlap, rx * nx + ry * ny,
-            slide, ry * nx - rx * ny - distance * rate, mean, distance, roll, rate, sums,
+        rx, ry, spin = _rates_of(system.predicted, i)
+        touch = _touch_of_plate(
+            nx, ny, distance, corner, plates[k, PLATE_DX] - step * velocity[i, 0], plates[k, PLATE_DY] - step * velocity[i, 1],
+            step * velocity[i, 2], (plates[k, PLATE_VX] - rx, plates[k, PLATE_VY] - ry, spin), position[i, RADIUS],
+            1.0 / system.lightness[i, 0],
         )  # fmt: skip
-        sums[POWER] += taken
+        law = wall_law(terms.law, walls.laws[k, _material_of(system.material, i)])
+        response = respond(law, touch, load(history, contact, stride, terms.blank))
+        store(history, contact, stride, response.history)
+        for entry in range(SPENT):
+            sums[entry] += response.spent[entry]
+        normal, shear, couple = response.normal, response.tangential[0], response.couple[0]
         px = -normal * nx - shear * ny
         py = -normal * ny + shear * nx
-        force[i, 0] += px
-        force[i, 1] += py
-        force[i, 2] += distance * shear - couple
+        system.force[i, 0] += px
+        system.force[i, 1] += py
+        system.force[i, 2] += distance * shear + couple
         plates[k, PLATE_FX] -= px
         plates[k, PLATE_FY] -= py
         # contact point, from the plate's reference point
         cx = x + distance * nx - plates[k, PLATE_X]
         cy = y + distance * ny - plates[k, PLATE_Y]
-        plates[k, PLATE_MOMENT] += cy * px - cx * py + couple
-    for k in range(plates.shape[0]):
-        _book_plate(plates, k)
+        plates[k, PLATE_MOMENT] += cy * px - cx * py - couple
     total = 0.0
     for k in range(plates.shape[0]):
+        _book_plate(plates, k)
         total += plates[k, PLATE_WORK]
     sums[WALLS] = total
 
@@ -305,9 +333,9 @@ def hold_plates(walls):
 
 
 @njit(cache=True)
-def list_walls(state, plates, corner_start, corners, skin):
+def list_walls(position, plates, corner_start, corners, skin):
     """Discs within `skin` of a plate: rows and plates (int32), by plate and then row."""
-    count = state.shape[0]
+    count = position.shape[0]
     near = np.zeros((plates.shape[0], count), dtype=np.bool_)
     for k in range(plates.shape[0]):
         first, last = corner_start[k], corner_start[k + 1]
@@ -316,8 +344,8 @@ def list_walls(state, plates, corner_start, corners, skin):
         y0 = corners[first:last, 1].min() + plates[k, PLATE_UY]
         y1 = corners[first:last, 1].max() + plates[k, PLATE_UY]
         for i in range(count):
-            reach = state[i, 5] + skin
-            x, y = state[i, 0], state[i, 1]
+            reach = position[i, RADIUS] + skin
+            x, y = position[i, 0], position[i, 1]
             if x < x0 - reach or x > x1 + reach or y < y0 - reach or y > y1 + reach:
                 continue
             _, _, distance, _ = closest_point(corners, first, last, x - plates[k, PLATE_UX], y - plates[k, PLATE_UY])
@@ -328,7 +356,7 @@ def list_walls(state, plates, corner_start, corners, skin):
 
 @njit(cache=True)
 def carry_wall_history(row, plate, history, old_row, old_plate, old_history, new_row_of):
-    """Copy histories of plate contacts from the old list; `new_row_of` maps old rows to new ones."""
+    """Copy histories (columns, listed) of plate contacts from the old list; `new_row_of` maps old rows to new ones."""
     for k in range(plate.max() + 1 if plate.size else 0):
         where = np.full(new_row_of.size, -1, dtype=np.int32)
         for old in range(old_row.size):
@@ -336,4 +364,4 @@ def carry_wall_history(row, plate, history, old_row, old_plate, old_history, new
                 where[new_row_of[old_row[old]]] = old
         for new in range(row.size):
             if plate[new] == k and where[row[new]] >= 0:
-                history[new] = old_history[where[row[new]]]
+                history[:, new] = old_history[:, where[row[new]]]

@@ -1,4 +1,4 @@
-"""Contact laws, one file a law: constants for the user, pair kernels for the loops."""
+"""Contact laws, one file a law: constants for the user, the kernel of a contact for the loops."""
 
 from particles.laws.li_chu import LiChu
 

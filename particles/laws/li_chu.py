@@ -1,35 +1,50 @@
 """Contact law of Li, Chu & Feng (2005) as used by Li & Wan (2010): normal, sliding, rolling force, rolling moment.
 
 Each tangential channel is a spring with a Coulomb limit and a dashpot below that limit. The elastic part of a channel
-is its history. The kernels here know one contact and nothing of lists.
+is its history.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import overload
 
-from particles.system import FAST, FRICTION_MOMENT, FRICTION_ROLLING, FRICTION_SLIDING, LOSS
+from particles.laws.touch import NAMED, Channel, Response, carried, limited, pushed, respond
+from particles.vectors import head, minus, moved, scaled, tail
 
-COLUMNS = 12  # of a row of constants: see LiChu.row
+CHANNELS = ("sliding", "rolling", "moment", "torsion")
+
+
+class Law(NamedTuple):
+    """Constants of one contact as the kernels take them; None for what the scene does not have."""
+
+    stiffness: Any
+    damping: Any
+    sliding: Any
+    rolling: Any
+    moment: Any
+    torsion: Any
+    length_factor: Any
+    literal: Any
 
 
 @dataclass(frozen=True)
 class LiChu:
-    """Constants of a contact of two discs, per metre of thickness (Li & Wan 2010, section 2.1 and table 1).
+    """Constants of a contact (Li & Wan 2010, section 2.1 and table 1); in the plane per metre of thickness.
 
-    Stiffnesses in N/m (moment: N m/rad), dashpots in N s/m (moment: N m s/rad), friction coefficients without unit
-    (moment: m). A channel with zero stiffness is absent.
+    Stiffnesses in N/m (moment, torsion: N m/rad), dashpots in N s/m (N m s/rad), friction coefficients without unit
+    (moment, torsion: m). A channel with zero stiffness is absent.
 
     Args:
         rolling_length: "reduced" (rolling radius l_i l_j / (l_i + l_j)) or "twice_reduced".
-        rolling_force: "torque" (a pure couple pair, objective) or "contact" (the paper's wording taken literally: depends
-            on the numbering of particles and does not conserve energy; for comparison only).
+        rolling_force: "torque" (a pure couple pair, objective) or "contact" (the paper's wording taken literally, in the
+            plane only: depends on the numbering of particles and does not conserve energy; for comparison).
+        torsion_stiffness, torsion_damping, torsion_friction: of the relative rotation about the normal, spheres only.
 
     Raises:
         ValueError: a constant is negative, not finite, or (normal stiffness) zero.
@@ -48,11 +63,16 @@ class LiChu:
     moment_friction: float = 0.0
     rolling_length: str = "reduced"
     rolling_force: str = "torque"
+    torsion_stiffness: float = 0.0
+    torsion_damping: float = 0.0
+    torsion_friction: float = 0.0
 
     def __post_init__(self) -> None:
-        for field in fields(self)[:11]:
+        for field in fields(self):
             value = getattr(self, field.name)
-            if not (isinstance(value, (int, float, np.number)) and math.isfinite(value) and value >= 0.0):
+            if field.type == "float" and not (
+                isinstance(value, (int, float, np.number)) and math.isfinite(value) and value >= 0.0
+            ):
                 raise ValueError(f"{field.name}={value!r} must be a finite number, zero or positive")
         if self.normal_stiffness == 0.0:
             raise ValueError(f"normal_stiffness={self.normal_stiffness!r} must be positive (N/m)")
@@ -63,234 +83,162 @@ class LiChu:
 
     def without_friction(self) -> LiChu:
         """The same normal contact without sliding and rolling resistance (smooth wall)."""
-        return LiChu(
-            self.normal_stiffness,
-            normal_damping=self.normal_damping,
-            rolling_length=self.rolling_length,
-            rolling_force=self.rolling_force,
+        gone = {f"{name}_{kind}": 0.0 for name in CHANNELS for kind in ("stiffness", "damping", "friction")}
+        return replace(self, **gone)
+
+    def channel(self, name: str) -> Channel:
+        """One channel's constants."""
+        return Channel(*(float(getattr(self, f"{name}_{kind}")) for kind in ("stiffness", "friction", "damping")))
+
+    @property
+    def length_factor(self) -> float:
+        """Rolling radius over l_i l_j / (l_i + l_j)."""
+        return 1.0 if self.rolling_length == "reduced" else 2.0
+
+    def constants(self, laws: list[LiChu], space: bool) -> Law:
+        """Constants for the kernels, with what any of the `laws` of the scene has; `space` for spheres."""
+        if len({law.rolling_force for law in laws}) > 1:
+            raise ValueError("rolling_force must be the same in all laws of an assembly")
+        literal = self.rolling_force == "contact"
+        if literal and space:
+            raise ValueError("rolling_force='contact' is for discs only; take 'torque'")
+
+        def present(name: str) -> Channel | None:
+            if not any(getattr(law, f"{name}_stiffness") for law in laws) or (name == "torsion" and not space):
+                return None
+            mine = self.channel(name)
+            # a law without the channel that others have: a spring that its limit of zero keeps at zero
+            stiffness = mine.stiffness or max(getattr(law, f"{name}_stiffness") for law in laws)
+            viscous = any(getattr(law, f"{name}_damping") for law in laws)
+            return Channel(stiffness, mine.friction if mine.stiffness else 0.0, mine.damping if viscous else None)
+
+        viscous = any(law.normal_damping for law in laws)
+        return Law(
+            float(self.normal_stiffness), float(self.normal_damping) if viscous else None,
+            *(present(name) for name in CHANNELS), self.length_factor, 1.0 if literal else None,
+        )  # fmt: skip
+
+    def is_viscous(self) -> bool:
+        """Whether there is a dashpot."""
+        return any(getattr(self, f"{name}_damping") for name in ("normal", *CHANNELS))
+
+    def columns(self, laws: list[LiChu], space: bool) -> list[tuple[str, float]]:
+        """What is remembered: channel and factor (1 or -1) when the labels of a pair are exchanged, a number each."""
+        law = self.constants(laws, space)
+        found: list[tuple[str, float]] = []
+        for name in CHANNELS:
+            if getattr(law, name) is not None:
+                # in the plane the tangent turns with the normal; about it, torsion is the same from both ends
+                sign = {"sliding": -1.0 if space else 1.0, "torsion": 1.0}.get(name, -1.0)
+                found += [(name, sign)] * (3 if space and name != "torsion" else 1)
+        return found
+
+    def stiffness(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray) -> np.ndarray:
+        """Tangent stiffness of normal, sliding (N/m), rolling and torsion (N m/rad) of k sticking contacts (k, 4)."""
+        rolling = self.moment_stiffness + (self.length_factor * rolling_radius) ** 2 * self.rolling_stiffness
+        one = np.ones_like(overlap)
+        return np.column_stack(
+            [self.normal_stiffness * one, self.sliding_stiffness * one, rolling, self.torsion_stiffness * one]
         )
 
-    def row(self) -> np.ndarray:
-        """The constants as a row: normal k, c; then k, friction, c of sliding, rolling, moment; rolling length factor."""
-        return np.array(
-            [
-                self.normal_stiffness, self.normal_damping,
-                self.sliding_stiffness, self.sliding_friction, self.sliding_damping,
-                self.rolling_stiffness, self.rolling_friction, self.rolling_damping,
-                self.moment_stiffness, self.moment_friction, self.moment_damping,
-                1.0 if self.rolling_length == "reduced" else 2.0,
-            ]
-        )  # fmt: skip
+    def damping(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, mass: np.ndarray) -> np.ndarray:
+        """Dashpots of the same (k, 4), N s/m and N m s/rad."""
+        rolling = self.moment_damping + (self.length_factor * rolling_radius) ** 2 * self.rolling_damping
+        one = np.ones_like(overlap)
+        return np.column_stack([self.normal_damping * one, self.sliding_damping * one, rolling, self.torsion_damping * one])
+
+    def stored(self, overlap: np.ndarray, radii: np.ndarray, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Elastic energies of k contacts by channel (k,), J; `history` (k, components) by channel."""
+        none = np.zeros_like(overlap)
+        found = {"normal": 0.5 * self.normal_stiffness * np.maximum(overlap, 0.0) ** 2}
+        for name in CHANNELS:
+            stiffness = getattr(self, f"{name}_stiffness")
+            found[name] = 0.5 * (history[name] ** 2).sum(axis=1) / stiffness if stiffness and name in history else none
+        return found
 
 
-class Channel(NamedTuple):
-    """One tangential or rolling channel; damping is None where no law has a dashpot."""
-
-    stiffness: float
-    friction: float
-    damping: Any
+def next_part(channel, values, pattern):
+    """The part of a history that belongs to a channel (zeros where it is absent) and what follows."""
+    return (scaled(0.0, pattern), values) if channel is None else (head(values, pattern), tail(values, pattern))
 
 
-class Law(NamedTuple):
-    """Constants of one contact as the kernels take them; None for what the scene does not have."""
-
-    stiffness: float
-    damping: Any
-    sliding: Any
-    rolling: Any
-    moment: Any
-    length_factor: float
-    literal: Any
+@overload(next_part)
+def _next_part(channel, values, pattern):
+    if isinstance(channel, types.NoneType):
+        return lambda channel, values, pattern: (scaled(0.0, pattern), values)
+    return lambda channel, values, pattern: (head(values, pattern), tail(values, pattern))
 
 
-def compile_law(laws: list[LiChu]) -> Law:
-    """Constants of the first law, with a channel present if any of the laws has it."""
-    rows = np.array([law.row() for law in laws])
-    kinds = {law.rolling_force for law in laws}
-    if len(kinds) > 1:
-        raise ValueError("rolling_force must be the same in all laws of an assembly")
-
-    def channel(first: int) -> Channel | None:
-        if not rows[:, first].any():
-            return None
-        damping = float(rows[0, first + 2]) if rows[:, first + 2].any() else None
-        return Channel(float(rows[0, first]), float(rows[0, first + 1]), damping)
-
-    damping = float(rows[0, 1]) if rows[:, 1].any() else None
-    literal = 1 if kinds == {"contact"} else None
-    return Law(float(rows[0, 0]), damping, channel(2), channel(5), channel(8), float(rows[0, 11]), literal)
+def with_part(channel, values, new):
+    """Append a channel's new values to a history, where it is present."""
+    return values if channel is None else (*values, *new)
 
 
-def _damping_of(template, value):
-    """The value where the template has a dashpot; decided when the loops are compiled."""
-    return None if template is None else value
+@overload(with_part)
+def _with_part(channel, values, new):
+    if isinstance(channel, types.NoneType):
+        return lambda channel, values, new: values
+    return lambda channel, values, new: values + new
 
 
-@overload(_damping_of)
-def _compiled_damping_of(template, value):
-    if isinstance(template, types.NoneType):
-        return lambda template, value: None
-    return lambda template, value: value
+def _shear_and_couple(literal, shear, rolling, radius):
+    """Force and couple on i of the sliding and the rolling channel."""
+    return (shear, scaled(-radius, rolling)) if literal is None else (minus(shear, rolling), scaled(0.0, rolling))
 
 
-def _channel_of(template, row, first):
-    """The channel read from a row where the template has it; decided when the loops are compiled."""
-    if template is None:
-        return None
-    return Channel(row[first], row[first + 1], _damping_of(template.damping, row[first + 2]))
+@overload(_shear_and_couple)
+def _compiled_shear_and_couple(literal, shear, rolling, radius):
+    if isinstance(literal, types.NoneType):
+        return lambda literal, shear, rolling, radius: (shear, scaled(-radius, rolling))
+    return lambda literal, shear, rolling, radius: (minus(shear, rolling), scaled(0.0, rolling))
 
 
-@overload(_channel_of)
-def _compiled_channel_of(template, row, first):
-    if isinstance(template, types.NoneType):
-        return lambda template, row, first: None
-    return lambda template, row, first: Channel(
-        row[first], row[first + 1], _damping_of(template.damping, row[first + 2])
+def _along(normal, couple, twist):
+    """A couple with a part about the normal added (in space)."""
+    return moved(couple, twist, normal) if len(couple) == 3 else couple
+
+
+@overload(_along)
+def _compiled_along(normal, couple, twist):
+    if len(couple) == 3:
+        return lambda normal, couple, twist: moved(couple, twist, normal)
+    return lambda normal, couple, twist: couple
+
+
+def respond_li_chu(law, touch, history):
+    """Actions of the four channels (and torsion); `respond` of this law."""
+    touching = touch.overlap > 0.0
+    normal, power = pushed(law.stiffness * touch.overlap, law.damping, touch.opening, touching)
+    sliding, rest = next_part(law.sliding, history, touch.slide)
+    rolling, rest = next_part(law.rolling, rest, touch.roll)
+    moment, rest = next_part(law.moment, rest, touch.roll)
+    torsion, _ = next_part(law.torsion, rest, (touch.twist,))
+    radius = law.length_factor * touch.radius
+    mean = law.length_factor * touch.mean_radius
+
+    sliding, shear, work_s, power_s, lost_s = limited(
+        law.sliding, carried(touch.turn, sliding), touch.slide, touch.slide_rate, normal, touching
     )
-
-
-@njit(cache=True)
-def law_of(template, row):
-    """Constants read from a row (of several materials, or of a plate); `template` says what is present."""
-    return Law(
-        row[0],
-        _damping_of(template.damping, row[1]),
-        _channel_of(template.sliding, row, 2),
-        _channel_of(template.rolling, row, 5),
-        _channel_of(template.moment, row, 8),
-        row[11],
-        template.literal,
+    rolling, roll_force, work_r, power_r, lost_r = limited(
+        law.rolling, carried(touch.turn, rolling), scaled(mean, touch.roll), scaled(radius, touch.roll_rate), normal, touching
     )
-
-
-def law_between(law, table, material, i, j):
-    """Constants of a pair of discs: one law for all, or by their materials; decided when the loops are compiled."""
-    return law if table is None else law_of(law, table[material[i], material[j]])
-
-
-@overload(law_between)
-def _compiled_law_between(law, table, material, i, j):
-    if isinstance(table, types.NoneType):
-        return lambda law, table, material, i, j: law
-    return lambda law, table, material, i, j: law_of(law, table[material[i], material[j]])
-
-
-@njit(cache=True, fastmath=FAST)
-def _normal(stiffness, damping, overlap, opening_rate):
-    """Normal force F = max(0, k overlap - c opening_rate), N, and the power that the dashpot takes, W."""
-    spring = stiffness * overlap
-    if damping is None:
-        return max(0.0, spring), 0.0
-    total = max(0.0, spring - damping * opening_rate)
-    return total, (spring - total) * opening_rate
-
-
-@njit(cache=True, fastmath=FAST)
-def _limited(stiffness, friction, damping, history, contact, column, increment, rate, normal, sums, item):
-    """One channel: trial, return to the Coulomb limit (slip work booked), dashpot below it; value and dashpot power."""
-    limit = friction * normal
-    old = history[contact, column]
-    trial = old + stiffness * increment
-    if abs(trial) > limit:
-        new = limit if trial > 0.0 else -limit
-        history[contact, column] = new
-        sums[item] += 0.5 * (old + new) * (trial - new) / stiffness
-        return new, 0.0
-    history[contact, column] = trial
-    if damping is None:
-        return trial, 0.0
-    total = trial + damping * rate
-    if abs(total) > limit:
-        total = limit if total > 0.0 else -limit
-    return total, (total - trial) * rate
-
-
-@njit(cache=True, fastmath=FAST)
-def _respond(
-    stiffness, damping, sliding, rolling, moment, literal,
-    history, contact, overlap, opening_rate, slide, slide_rate, mean_radius, radius, roll, roll_rate, sums,
-):  # fmt: skip
-    normal, power = _normal(stiffness, damping, overlap, opening_rate)
-    shear = 0.0
-    couple = 0.0
-    column = 0
-    if sliding is not None:
-        shear, taken = _limited(
-            sliding.stiffness, sliding.friction, sliding.damping,
-            history, contact, column, slide, slide_rate, normal, sums, FRICTION_SLIDING,
-        )  # fmt: skip
-        power += taken
-        column += 1
-    if rolling is not None:
-        force, taken = _limited(
-            rolling.stiffness, rolling.friction, rolling.damping,
-            history, contact, column, mean_radius * roll, radius * roll_rate, normal, sums, FRICTION_ROLLING,
-        )  # fmt: skip
-        power += taken
-        column += 1
-        if literal is None:
-            couple += radius * force
-        else:
-            shear -= force
-    if moment is not None:
-        value, taken = _limited(
-            moment.stiffness, moment.friction, moment.damping,
-            history, contact, column, roll, roll_rate, normal, sums, FRICTION_MOMENT,
-        )  # fmt: skip
-        couple += value
-        power += taken
-    return normal, shear, couple, power
-
-
-@njit(cache=True, fastmath=FAST)
-def respond(
-    law, history, contact, overlap, opening_rate, slide, slide_rate, mean_radius, radius, roll, roll_rate, sums
-):
-    """Normal force, force along t on i, couple on j and dashpot power of a touching pair (N, N, N m, W).
-
-    Args:
-        law: `Law`.
-        history: elastic channel values (n, channels); row `contact` is this pair's.
-        overlap, opening_rate: m, m/s (positive when opening).
-        slide, slide_rate: tangential displacement increment of the step (m) and rate (m/s) of j against i.
-        mean_radius, radius: rolling radius, mean over the step and at its end (m).
-        roll, roll_rate: relative rotation increment (rad) and rate (rad/s) of i against j.
-        sums: energy sums (see `particles.system`); slip work is added, as is the new state to `history`.
-    """
-    return _respond(
-        law.stiffness, law.damping, law.sliding, law.rolling, law.moment, law.literal,
-        history, contact, overlap, opening_rate, slide, slide_rate,
-        law.length_factor * mean_radius, law.length_factor * radius, roll, roll_rate, sums,
+    moment, roll_moment, work_m, power_m, lost_m = limited(
+        law.moment, carried(touch.turn, moment), touch.roll, touch.roll_rate, normal, touching
+    )
+    torsion, twist_moment, work_t, power_t, lost_t = limited(
+        law.torsion, torsion, (touch.twist,), (touch.twist_rate,), normal, touching
+    )
+    shear, couple = _shear_and_couple(law.literal, shear, roll_force, radius)
+    couple = _along(touch.normal, minus(couple, roll_moment), -twist_moment[0])
+    kept = with_part(law.rolling, with_part(law.sliding, (), sliding), rolling)
+    kept = with_part(law.torsion, with_part(law.moment, kept, moment), torsion)
+    spent = (
+        work_s, work_r, work_m + work_t, power + power_s + power_r + power_m + power_t, lost_s + lost_r + lost_m + lost_t, 0.0
     )  # fmt: skip
+    return Response(normal, shear, couple, kept, spent)
 
 
-@njit(cache=True, fastmath=FAST)
-def _stored(channel, value):
-    """Elastic energy (J) of one channel; zero where the channel is absent."""
-    if channel is None:
-        return 0.0
-    if value == 0.0:
-        return 0.0
-    return 0.5 * value * value / channel.stiffness
-
-
-@njit(cache=True, fastmath=FAST)
-def _release(sliding, rolling, moment, history, contact, sums):
-    column = 0
-    if sliding is not None:
-        sums[LOSS] += _stored(sliding, history[contact, column])
-        history[contact, column] = 0.0
-        column += 1
-    if rolling is not None:
-        sums[LOSS] += _stored(rolling, history[contact, column])
-        history[contact, column] = 0.0
-        column += 1
-    if moment is not None:
-        sums[LOSS] += _stored(moment, history[contact, column])
-        history[contact, column] = 0.0
-
-
-@njit(cache=True, fastmath=FAST)
-def release(law, history, contact, sums):
-    """Clear the history of an opened contact and book its elastic energy as loss."""
-    _release(law.sliding, law.rolling, law.moment, history, contact, sums)
+@overload(respond)
+def _respond(law, touch, history):
+    if isinstance(law, NAMED) and law.instance_class is Law:
+        return respond_li_chu

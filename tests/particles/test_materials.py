@@ -46,7 +46,7 @@ def test_plates_and_discs_that_cannot_be_are_refused():
     for other in (soil, Assembly([(0.0, 0.0)], 0.5, 2600.0, FULL)):
         with pytest.raises(ValueError, match="floor belongs to an assembly already"):
             other.add_wall(plate)
-    with pytest.raises(ValueError, match="discs 0 and 2 are the same"):
+    with pytest.raises(ValueError, match="particles 0 and 2 are the same"):
         Assembly([(0.0, 0.0), (1.0, 0.0), (0.0, 0.0)], 0.5, 2600.0, FULL)
     with pytest.raises(ValueError, match="steps=1.5 must be a whole number"):
         soil.advance(1.5, 1e-6)

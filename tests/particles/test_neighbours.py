@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from particles import Assembly, LiChu
+from particles import Assembly, LiChu, listing
 from tests.particles import naive
 from tests.particles.scenes import ALL, PAPER, cloud, hexagonal_lattice
 
@@ -28,7 +28,7 @@ def test_list_holds_exactly_the_pairs_in_reach(width):
     system, ids = soil.system, soil.ids
     found = set()
     for i in range(120):
-        for j in system.neighbour[system.start[i] : system.start[i + 1]]:
+        for j in system.second[system.start[i] : system.start[i + 1]]:
             assert j > i
             found.add(frozenset((int(ids[i]), int(ids[j]))))
     distance = np.hypot(*(positions[:, None] - positions[None]).transpose(2, 0, 1))
@@ -59,17 +59,17 @@ def test_sorting_turns_rolling_histories_with_the_order_of_a_pair():
     soil = cloud(16)
     soil.advance(60, 1e-5)
     before = soil.contacts()
-    soil._system.state[:, :2] *= -1.0  # a half turn about the origin: the same contacts, rows in opposite order
-    soil._rebuild()
+    soil._system.position[:, :2] *= -1.0  # a half turn about the origin: the same contacts, rows in opposite order
+    listing.rebuild(soil)
     assert soil.generation == 2
     after = soil.contacts()
     where = {frozenset((i, j)): k for k, (i, j) in enumerate(zip(after.first, after.second))}
     match = [where[frozenset((i, j))] for i, j in zip(before.first, before.second)]
     turned = np.where(before.first == after.first[match], 1.0, -1.0)
-    assert (turned < 0).any() and np.abs(before.elastic[:, 2]).max() > 0
+    assert (turned < 0).any() and np.abs(before.history["rolling"]).max() > 0
     # the half turn carries the pair rigidly, so the couple on a given disc and the sliding force along t stay
-    np.testing.assert_allclose(after.elastic[match][:, 1], before.elastic[:, 1])
-    np.testing.assert_allclose(after.elastic[match][:, 2], turned * before.elastic[:, 2])
+    np.testing.assert_allclose(after.history["sliding"][match], before.history["sliding"])
+    np.testing.assert_allclose(after.history["rolling"][match, 0], turned * before.history["rolling"][:, 0])
     np.testing.assert_allclose(after.moment[match], turned * before.moment)
 
 

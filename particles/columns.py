@@ -1,0 +1,206 @@
+"""Rows of particles to columns of pairs and back: the memory traffic of the pair loop.
+
+The pair loop works on batches of `WIDTH` pairs whose data lie in columns of a scratch array (one column a quantity, one
+after the other, `STRIDE` numbers apart), so that the compiler turns it into vector instructions. Particles are held in
+rows of four numbers. Moving four rows at a time into four columns is a transposition of a 4 x 4 block in registers, which
+the compiler does not find by itself; it is written here in LLVM's terms, beside the plain loops that say what it does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic, overload
+
+WIDTH = 64  # pairs in a batch
+STRIDE = WIDTH + 8  # numbers from one column to the next; not a power of two, so that columns do not share cache lines
+BLOCK = 4  # pairs in a transposed block
+
+_double, _int32, _int64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
+_row = ir.VectorType(_double, BLOCK)
+
+
+def aligned(shape: tuple[int, ...]) -> np.ndarray:
+    """Zeros that begin at a cache line."""
+    size = int(np.prod(shape))
+    memory = np.zeros(size + 8)
+    offset = (-memory.ctypes.data % 64) // 8
+    return memory[offset : offset + size].reshape(shape)
+
+
+# ------------------------------------------------------------------------------------------------- what the moves do
+
+
+def gather(scratch, column, rows, first, second, at, own):
+    """Rows of pairs at, at + 1, ... to columns: four of differences (second minus first), then components of the first.
+
+    Args:
+        scratch: (columns * STRIDE,).
+        column: place in scratch of the first pair in the first column.
+        rows: (n, 4).
+        first, second: (pairs,) int32 rows of each pair.
+        at: first pair; BLOCK pairs are moved.
+        own: tuple of the components of the first row that are wanted, known when the loop is compiled.
+    """
+    for c in range(BLOCK):
+        for k in range(4):
+            scratch[column + k * STRIDE + c] = rows[second[at + c], k] - rows[first[at + c], k]
+        for k, component in enumerate(own):
+            scratch[column + (4 + k) * STRIDE + c] = rows[first[at + c], component]
+
+
+def scatter(scratch, column, rows, index, at, sign):
+    """Add `sign` (1 or -1, known when the loop is compiled) times three columns to the first components of the rows."""
+    for c in range(BLOCK):
+        for k in range(3):
+            rows[index[at + c], k] += sign * scratch[column + k * STRIDE + c]
+
+
+def load_column(scratch, column, values, line, at):
+    """Copy WIDTH numbers of a line of `values` (lines, pairs) into a column."""
+    scratch[column : column + WIDTH] = values[line, at : at + WIDTH]
+
+
+def store_column(scratch, column, values, line, at):
+    """Copy a column into WIDTH numbers of a line of `values` (lines, pairs)."""
+    values[line, at : at + WIDTH] = scratch[column : column + WIDTH]
+
+
+# ------------------------------------------------------------------------------------------- the same in LLVM's terms
+
+
+class _Code:
+    """What is written into the function that is being compiled."""
+
+    def __init__(self, context, builder, signature, arguments):
+        self.builder = builder
+        self._of = {
+            k: context.make_array(kind)(context, builder, value)
+            for k, (kind, value) in enumerate(zip(signature.args, arguments))
+            if isinstance(kind, types.Array)
+        }
+
+    def place(self, array, at):
+        """Address of element `at` of a contiguous array among the arguments."""
+        return self.builder.gep(self._of[array].data, [at])
+
+    def sum(self, value, constant):
+        return self.builder.add(value, ir.Constant(_int64, constant)) if constant else value
+
+    def row_place(self, rows, index, at, c):
+        """Address of the row of four numbers of pair at + c."""
+        row = self.builder.sext(self.builder.load(self.place(index, self.sum(at, c))), _int64)
+        return self.place(rows, self.builder.mul(row, ir.Constant(_int64, 4)))
+
+    def load(self, place, kind=_row):
+        return self.builder.load(self.builder.bitcast(place, kind.as_pointer()), align=8)
+
+    def store(self, value, place):
+        self.builder.store(value, self.builder.bitcast(place, value.type.as_pointer()), align=8)
+
+    def _mixed(self, a, b, *lanes):
+        return self.builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_int32, len(lanes)), list(lanes)))
+
+    def transposed(self, r):
+        even = [self._mixed(r[k], r[k + 1], 0, 4, 2, 6) for k in (0, 2)]
+        odd = [self._mixed(r[k], r[k + 1], 1, 5, 3, 7) for k in (0, 2)]
+        return [self._mixed(*pair, 0, 1, 4, 5) for pair in (even, odd)] + [
+            self._mixed(*pair, 2, 3, 6, 7) for pair in (even, odd)
+        ]
+
+
+def _is_rows(kind):
+    return isinstance(kind, types.Array) and kind.ndim == 2 and kind.layout == "C" and kind.dtype == types.float64
+
+
+def _written(build):
+    """An intrinsic without result whose code `build(code, *arguments)` writes."""
+
+    def codegen(context, builder, signature, arguments):
+        build(_Code(context, builder, signature, arguments), *arguments)
+        return context.get_dummy_value()
+
+    return codegen
+
+
+def _gather(own):
+    @intrinsic
+    def move(typing_context, scratch, column, rows, first, second, at):
+        def build(code, scratch, column, rows, first, second, at):
+            both = [[code.load(code.row_place(2, index, at, c)) for index in (3, 4)] for c in range(BLOCK)]
+            columns = code.transposed([code.builder.fsub(j, i) for i, j in both])
+            if own:
+                firsts = code.transposed([i for i, _ in both])
+                columns += [firsts[component] for component in own]
+            for k, values in enumerate(columns):
+                code.store(values, code.place(0, code.sum(column, k * STRIDE)))
+
+        return types.void(scratch, types.int64, rows, first, second, types.int64), _written(build)
+
+    return move
+
+
+_GATHERS = {own: _gather(own) for own in ((), (2,), (3,), (2, 3), (0, 1, 2))}
+
+
+@overload(gather)
+def _compiled_gather(scratch, column, rows, first, second, at, own):
+    if _is_rows(rows) and isinstance(own, types.BaseTuple):
+        move = _GATHERS[tuple(member.literal_value for member in own.types)]
+        return lambda scratch, column, rows, first, second, at, own: move(scratch, column, rows, first, second, at)
+
+
+def _scatter(sign):
+    @intrinsic
+    def move(typing_context, scratch, column, rows, index, at):
+        def build(code, scratch, column, rows, index, at):
+            columns = [code.load(code.place(0, code.sum(column, k * STRIDE))) for k in range(3)]
+            columns.append(ir.Constant(_row, [0.0] * BLOCK))
+            combine = code.builder.fadd if sign > 0 else code.builder.fsub
+            for c, addend in enumerate(code.transposed(columns)):
+                place = code.row_place(2, 3, at, c)
+                code.store(combine(code.load(place), addend), place)
+
+        return types.void(scratch, types.int64, rows, index, types.int64), _written(build)
+
+    return move
+
+
+_SCATTERS = {1: _scatter(1), -1: _scatter(-1)}
+
+
+@overload(scatter, prefer_literal=True)
+def _compiled_scatter(scratch, column, rows, index, at, sign):
+    if _is_rows(rows) and isinstance(sign, types.IntegerLiteral):
+        move = _SCATTERS[sign.literal_value]
+        return lambda scratch, column, rows, index, at, sign: move(scratch, column, rows, index, at)
+
+
+def _copy(inwards):
+    lanes = ir.VectorType(_double, 8)
+
+    @intrinsic
+    def move(typing_context, scratch, column, values, at):
+        def build(code, scratch, column, values, at):
+            for c in range(0, WIDTH, 8):
+                inside, outside = code.place(0, code.sum(column, c)), code.place(2, code.sum(at, c))
+                source, target = (outside, inside) if inwards else (inside, outside)
+                code.store(code.load(source, lanes), target)
+
+        return types.void(scratch, types.int64, values, types.int64), _written(build)
+
+    return move
+
+
+_copy_in, _copy_out = _copy(True), _copy(False)
+
+
+@overload(load_column)
+def _compiled_load_column(scratch, column, values, line, at):
+    return lambda scratch, column, values, line, at: _copy_in(scratch, column, values, line * values.shape[1] + at)
+
+
+@overload(store_column)
+def _compiled_store_column(scratch, column, values, line, at):
+    return lambda scratch, column, values, line, at: _copy_out(scratch, column, values, line * values.shape[1] + at)

@@ -1,0 +1,88 @@
+"""A new neighbour list for an assembly: rows sorted by place when that has become worth it, histories carried along."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from particles import neighbours, walls
+from particles.columns import aligned
+from particles.motion import Unstable
+from particles.system import RADIUS, TRAVEL, Walls
+
+if TYPE_CHECKING:
+    from particles.assembly import Assembly
+
+_ROWS = (
+    "position", "velocity", "predicted", "acceleration", "force", "lightness", "rotation", "spin", "predicted_spin",
+    "angular", "torque", "nimbleness",
+)  # fmt: skip
+
+
+def rebuild(soil: Assembly) -> None:
+    """Build the list anew; sort the rows when particles have moved by about a cell since the last sort.
+
+    Raises:
+        Unstable: a particle has no finite position or velocity.
+    """
+    system, axes = soil._system, soil.axes
+    finite = np.isfinite(system.position).all(axis=1) & np.isfinite(system.velocity).all(axis=1)
+    if not finite.all():
+        row = int(np.flatnonzero(~finite)[0])
+        raise Unstable(f"particle {soil._ids[row]} has no finite position or velocity at t={soil.time:g} s")
+    width = 2.0 * soil._radii.max(initial=0.0) + soil.skin
+    old_row_of = np.arange(soil.count, dtype=np.int32)
+    changed: dict[str, Any] = {}
+    if soil.count and (
+        soil._sorted_at is None or neighbours.largest_distance(system.position, soil._sorted_at[soil._ids]) > width
+    ):
+        old_row_of = _sort(soil, width, changed)
+    position = changed.get("position", system.position)
+    capacity = int(1.1 * system.first.size) + 3 * soil.count + 16
+    start, first, second = neighbours.list_pairs(
+        position, position[:, RADIUS], soil._ghost[soil._ids], width, soil.skin, axes, capacity
+    )
+    history = aligned((len(soil._laws.columns), first.size))
+    neighbours.carry_history(
+        start, second, history, system.start, system.second, system.history, old_row_of, soil._laws.signs
+    )
+    changed.update(start=start, first=first, second=second, history=history, listed=position[:, :axes].copy())
+    if system.walls is not None:
+        changed["walls"] = _list_walls(soil, position, system.walls, old_row_of)
+    system.clock[TRAVEL] = 0.0
+    soil._system = system._replace(**changed)
+    soil.rebuilds += 1
+    if soil._held:
+        soil._compose_held()
+
+
+def _sort(soil: Assembly, width: float, changed: dict[str, Any]) -> np.ndarray:
+    """Sort the rows by cell; the old row of each new one."""
+    system = soil._system
+    cell, number = neighbours.cell_grid(system.position, width, soil.axes)
+    order, _ = neighbours.sort_by_cell(cell, int(number.prod()))
+    for name in _ROWS:
+        rows = getattr(system, name)
+        if rows is not None:
+            changed[name] = aligned(rows.shape)
+            changed[name][:] = rows[order]
+    for name in ("material", "external"):
+        values = getattr(system, name)
+        if values is not None:
+            changed[name] = np.ascontiguousarray(values[order])
+    soil._ids = soil._ids[order]
+    soil._rows = np.empty_like(soil._ids)
+    soil._rows[soil._ids] = np.arange(soil.count, dtype=np.int32)
+    soil._sorted_at = np.ascontiguousarray(changed["position"][soil._rows, : soil.axes])
+    soil.generation += 1
+    return order
+
+
+def _list_walls(soil: Assembly, position: np.ndarray, old: Walls, old_row_of: np.ndarray) -> Walls:
+    row, plate = walls.list_walls(position, old.plates, old.corner_start, old.corners, soil.skin)
+    history = np.zeros((len(soil._laws.columns), row.size))
+    new_row_of = np.empty_like(old_row_of)
+    new_row_of[old_row_of] = np.arange(soil.count, dtype=np.int32)
+    walls.carry_wall_history(row, plate, history, old.row, old.plate, old.history, new_row_of)
+    return old._replace(row=row, plate=plate, history=history, listed=old.plates[:, :2].copy())
