@@ -63,12 +63,12 @@ def rates(scenes, steps, repeats):
 def bytes_of(soil):
     """Bytes of all arrays per disc (pair arrays left out) and per listed pair (both lists while they are rebuilt)."""
     system = soil.system
-    pairs = system.neighbour.size
-    per_pair = 2 * (system.neighbour.nbytes + system.history.nbytes) / max(pairs, 1)
+    pairs = int(system.start[-1])
+    per_pair = 2 * (system.first.nbytes + system.second.nbytes + system.history.nbytes) / max(pairs, 1)
     held = [a for a in system if isinstance(a, np.ndarray)] + [a for a in vars(soil).values() if isinstance(a, np.ndarray)]
-    total = sum(a.nbytes for a in held) - system.neighbour.nbytes - system.history.nbytes
+    total = sum(a.nbytes for a in held) - system.first.nbytes - system.second.nbytes - system.history.nbytes
     # sorting copies state, acceleration and force
-    total += system.state.nbytes + system.acceleration.nbytes + system.force.nbytes
+    total += max(a.nbytes for a in held)
     return total / max(soil.count, 1), per_pair
 
 
