@@ -63,7 +63,7 @@ class FineScale:
         self.interface = np.unique(self.ghost_shape.indices)
         self._local_shape = sparse.csr_matrix(self.ghost_shape[:, self.interface])
         count, width = len(self.ids), len(self.interface)
-        self._saved, self.reaction, self._multiplier = np.zeros((count, 8)), np.zeros((count, 3)), np.zeros((count, 3))
+        self._saved, self.reaction, self._multiplier = np.zeros((count, 6)), np.zeros((count, 3)), np.zeros((count, 3))
         self._ghost_acceleration, self._shift = np.zeros((count, 3)), np.zeros((count, 3))
         self.nodal_acceleration = np.zeros((width, 3))  # of interface nodes by the ghosts' reactions
         self.edge_stiffness = None
@@ -71,7 +71,7 @@ class FineScale:
             self._set_edge_stiffness(np.flatnonzero(np.asarray(outline)[self.ids]))
             self.soil.set_ghosts(self.ids)
             self._prepare(1)
-            self.reaction[:] = self.soil.system.force[self._ghosts.rows] - self._ghosts.load
+            self.reaction[:] = self.soil.system.force[self._ghosts.rows, :3] - self._ghosts.load
         return int(np.count_nonzero(self.ghost_shape @ self.covered.astype(float)))
 
     def _set_edge_stiffness(self, edge) -> None:
@@ -104,7 +104,7 @@ class FineScale:
         self._free = np.flatnonzero(free)
         shape = self._shape[order]
         self._to_nodes = sparse.csr_matrix(shape.T)
-        self._reference = np.ascontiguousarray(self.soil.reference[order])
+        self._reference = np.ascontiguousarray(np.hstack([self.soil.reference, np.zeros((self.soil.count, 1))])[order])
         weights = self._weights[order][self._free]
         self.projection = Projection(shape[self._free], weights[:, 0], weights[:, 2])
         load = self.ghost_mass * (1.0 - self.share)[:, None] * np.array([*self._gravity, 0.0])
@@ -112,7 +112,7 @@ class FineScale:
         self._ghosts = Ghosts(
             rows[self.ids].astype(np.int64), self.ghost_mass, load,
             local.indptr.astype(np.int64), local.indices.astype(np.int64), local.data,
-            self.soil.reference[self.ids],
+            self._reference[rows[self.ids]],
         )  # fmt: skip
         self._previous = np.zeros((len(rows), 3))
         self._fitters: list[SymmetricSolver] = []
@@ -135,24 +135,22 @@ class FineScale:
         """Displacements q of the free particles, row order (free, 3); with no particles (0, 3)."""
         if not self.soil.count:
             return np.zeros((0, 3))
-        state = self.soil.system.state
-        return np.column_stack([state[:, :2] - self._reference, state[:, 7]])[self._free]
+        return (self.soil.system.position[:, :3] - self._reference)[self._free]
 
     def velocity(self) -> Array:
         """Velocities of the free particles, row order (free, 3)."""
-        return self.soil.system.state[self._free, 2:5] if self.soil.count else np.zeros((0, 3))
+        return self.soil.system.velocity[self._free, :3] if self.soil.count else np.zeros((0, 3))
 
     def ghost_displacement(self) -> Array:
         """Displacements of the ghosts (g, 3)."""
         if not self.soil.count:
             return np.zeros((0, 3))
         rows = self._ghosts.rows
-        state = self.soil.system.state[rows]
-        return np.column_stack([state[:, :2] - self._reference[rows], state[:, 7]])
+        return self.soil.system.position[rows, :3] - self._reference[rows]
 
     def force(self) -> Array:
         """Forces on particles and, as reactions, on ghosts (n, 3), row order, N and N m."""
-        return self.soil.system.force if self.soil.count else np.zeros((0, 3))
+        return self.soil.system.force[:, :3] if self.soil.count else np.zeros((0, 3))
 
     def to_nodes(self, values: Array) -> Array:
         """N^T values: (n, 3) in row order to (needed nodes, 3)."""
@@ -166,7 +164,7 @@ class FineScale:
         if not self.soil.count:
             return np.zeros((0, 3))
         system, free, projection = self.soil.system, self._free, self.projection
-        predictor = system.state[:, 2:5] + 0.5 * self.step * (self._previous - system.acceleration)
+        predictor = system.velocity[:, :3] + 0.5 * self.step * (self._previous - system.acceleration[:, :3])
         increment = np.zeros_like(predictor)
         increment[free] = projection.extend(nodal - projection.coarse(self.displacement()))
         predictor[free] += projection.extend(nodal_velocity - projection.coarse(predictor[free]))
@@ -174,7 +172,7 @@ class FineScale:
             force = trial_forces(system, self._terms, increment, predictor, self._before)
         else:
             linear = self.linear
-            moved = np.column_stack([system.state[:, :2] - self._reference, system.state[:, 7]]) + increment
+            moved = system.position[:, :3] - self._reference + increment
             shape = (3 * len(moved), 3 * len(moved))
             stiffness = sparse.csr_matrix((linear.value, linear.column, linear.start), shape=shape)
             force = -(stiffness @ moved.ravel()).reshape(-1, 3)
@@ -273,7 +271,7 @@ class FineScale:
             first = self.run_loop(run_prescribed, steps, before, (steps - 1, *after), until=steps - 1)
             system = self.soil.system
             walls = None if system.walls is None else system.walls.history.copy()
-            self._before = Before(system.history.copy(), walls, self.step * system.state[:, 2:5])
+            self._before = Before(system.history.copy(), walls, self.step * system.velocity[:, :3])
         self.run_loop(run_prescribed, steps, before, (-1, *after), first)
 
     def run_slaved(self, velocity: Array, inverse_mass: Array, steps: int) -> tuple[Array, Array]:
@@ -317,13 +315,12 @@ class FineScale:
             return
         system, rows, shape = self.soil.system, self._ghosts.rows, self.ghost_shape
         moved = shape @ displacement
-        system.state[rows, :2] = self._reference[rows] + moved[:, :2]
-        system.state[rows, 7] = moved[:, 2]
-        system.state[rows, 2:5] = shape @ velocity
-        system.acceleration[rows] = shape @ acceleration
+        system.position[rows, :3] = self._reference[rows] + moved
+        system.velocity[rows, :3] = shape @ velocity
+        system.acceleration[rows, :3] = shape @ acceleration
 
     def reference(self) -> Array:
-        """Reference positions (n, 2), row order."""
+        """Reference positions and angle zero (n, 3), row order."""
         return self._reference
 
     def own_arrays(self) -> list[Array]:
@@ -331,7 +328,7 @@ class FineScale:
         return [self.reaction, self._multiplier, self._work, self._previous] if self.soil.count else []
 
     def _set_ghost_velocity(self, velocity: Array) -> None:
-        self.soil.system.state[self._ghosts.rows, 2:5] = self.ghost_shape @ velocity
+        self.soil.system.velocity[self._ghosts.rows, :3] = self.ghost_shape @ velocity
 
     # ---------------------------------------------------------------------------------------------------------- energies
 
@@ -345,7 +342,7 @@ class FineScale:
         if not self.soil.count:
             return [0.0] * len(self.ENERGY_NAMES)
         sums = self.soil.energies()
-        velocity = self.soil.system.state[self._ghosts.rows, 2:5]
+        velocity = self.soil.system.velocity[self._ghosts.rows, :3]
         kinetic = sums["kinetic"]
         if not self.ghosts_move_by_themselves:
             kinetic -= 0.5 * float(np.vdot(self.ghost_mass * velocity, velocity))

@@ -46,10 +46,9 @@ class LinearSystem:
 
     def _arrays(self) -> list[tuple[NDArray, float]]:
         body, system, time = self._body, self._fine.soil.system, self._scale
-        state = system.state
         motion: list[tuple[NDArray, float]] = [
             (body.displacement, 1.0), (body.velocity, time), (body.acceleration, time * time),
-            (state[:, :2], 1.0), (state[:, 7:8], 1.0), (state[:, 2:5], time), (system.acceleration, time * time),
+            (system.position[:, :3], 1.0), (system.velocity[:, :3], time), (system.acceleration[:, :3], time * time),
         ]  # fmt: skip
         return motion + [(array, time * time) for array in self._rule.carried()]
 
@@ -59,8 +58,7 @@ class LinearSystem:
 
     def _local(self) -> NDArray[np.float64]:
         parts = [np.ravel(array) * scale for array, scale in self._arrays()]
-        state = self._fine.soil.system.state
-        parts[3] = parts[3] - self._fine.reference().ravel() if len(state) else parts[3]
+        parts[3] = parts[3] - self._fine.reference().ravel() if self._fine.soil.count else parts[3]
         return np.concatenate(parts)
 
     def read(self) -> NDArray[np.float64]:
@@ -76,7 +74,7 @@ class LinearSystem:
             array[:] = own[at : at + array.size].reshape(array.shape) / scale
             at += array.size
         if self._fine.soil.count:
-            self._fine.soil.system.state[:, :2] += self._fine.reference()
+            self._fine.soil.system.position[:, :3] += self._fine.reference()
         for array in (self._body.displacement, self._body.velocity, self._body.acceleration):
             array[self._body.fixed] = 0.0
         self._rule.start_from_state()

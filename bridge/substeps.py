@@ -23,7 +23,7 @@ class Ghosts(NamedTuple):
     start: np.ndarray  # (g + 1,)
     node: np.ndarray  # interface node of each weight
     weight: np.ndarray
-    reference: np.ndarray  # (g, 2) reference positions
+    reference: np.ndarray  # (g, 3) reference positions and angle zero
 
 
 class Tie(NamedTuple):
@@ -42,23 +42,18 @@ class Linear(NamedTuple):
     start: np.ndarray  # (3 n + 1,)
     column: np.ndarray
     value: np.ndarray
-    reference: np.ndarray  # (n, 2)
+    reference: np.ndarray  # (n, 3)
 
 
 @njit(cache=True)
-def _linear_forces(state, force, linear):
-    for row in range(state.shape[0]):
+def _linear_forces(position, force, linear):
+    for row in range(position.shape[0]):
         for component in range(3):
             total = 0.0
             line = 3 * row + component
             for k in range(linear.start[line], linear.start[line + 1]):
-                other = linear.column[k] // 3
-                which = linear.column[k] - 3 * other
-                if which < 2:
-                    moved = state[other, which] - linear.reference[other, which]
-                else:
-                    moved = state[other, 7]
-                total -= linear.value[k] * moved
+                other, which = linear.column[k] // 3, linear.column[k] % 3
+                total -= linear.value[k] * (position[other, which] - linear.reference[other, which])
             force[row, component] = total
 
 
@@ -67,7 +62,7 @@ def _forces(system, terms, linear, h):
     if linear is None:
         evaluate(system, terms, h)
     else:
-        _linear_forces(system.state, system.force, linear)
+        _linear_forces(system.position, system.force, linear)
 
 
 @njit(cache=True)
@@ -80,8 +75,9 @@ def _list_used_up(system, linear):
 @njit(cache=True)
 def _save(system, ghosts, saved):
     for k in range(ghosts.rows.size):
-        for column in range(8):
-            saved[k, column] = system.state[ghosts.rows[k], column]
+        for component in range(3):
+            saved[k, component] = system.position[ghosts.rows[k], component]
+            saved[k, 3 + component] = system.velocity[ghosts.rows[k], component]
 
 
 @njit(cache=True)
@@ -90,9 +86,20 @@ def _still_ghosts(system, ghosts):
     for k in range(ghosts.rows.size):
         row = ghosts.rows[k]
         for component in range(3):
-            system.state[row, 2 + component] = 0.0
+            system.velocity[row, component] = 0.0
             system.acceleration[row, component] = 0.0
             system.force[row, component] = 0.0
+
+
+@njit(cache=True)
+def _predict(predicted, system, ghosts, h):
+    """Velocities of the ghosts at the end of the step, for dashpots."""
+    if predicted is None:
+        return
+    for k in range(ghosts.rows.size):
+        row = ghosts.rows[k]
+        for component in range(3):
+            predicted[row, component] = system.velocity[row, component] + 0.5 * h * system.acceleration[row, component]
 
 
 @njit(cache=True)
@@ -105,11 +112,12 @@ def _drift_massless(system, terms, ghosts, saved, acceleration, h):
     for k in range(ghosts.rows.size):
         row = ghosts.rows[k]
         for component in range(3):
-            velocity = saved[k, 2 + component] + 0.5 * h * acceleration[k, component]
-            system.state[row, 2 + component] = velocity
-            system.state[row, component if component < 2 else 7] += h * velocity
+            velocity = saved[k, 3 + component] + 0.5 * h * acceleration[k, component]
+            system.velocity[row, component] = velocity
+            system.position[row, component] += h * velocity
             system.acceleration[row, component] = acceleration[k, component]
-        fastest = max(fastest, system.state[row, 2] ** 2 + system.state[row, 3] ** 2)
+        fastest = max(fastest, system.velocity[row, 0] ** 2 + system.velocity[row, 1] ** 2)
+    _predict(system.predicted, system, ghosts, h)
     moved(system, h * np.sqrt(fastest))
 
 
@@ -118,7 +126,7 @@ def _advance_others(system, terms, ghosts, h, last, previous):
     """Kick (and drift) all rows but the ghosts, which stand still and feel nothing meanwhile."""
     _still_ghosts(system, ghosts)
     if last:
-        previous[:] = system.acceleration
+        previous[:] = system.acceleration[:, :3]
         kick(system, terms, h)
     else:
         kick_drift(system, terms, h)
@@ -127,20 +135,19 @@ def _advance_others(system, terms, ghosts, h, last, previous):
 @njit(cache=True)
 def _place_ghosts(system, ghosts, saved, reaction, acceleration, h, last):
     """Advance the ghost rows from their saved half-step state with the given accelerations (g, 3); restore their forces."""
-    state = system.state
     fastest = 0.0
     for k in range(ghosts.rows.size):
         row = ghosts.rows[k]
         for component in range(3):
             a = acceleration[k, component]
-            place = component if component < 2 else 7
             system.acceleration[row, component] = a
             system.force[row, component] = reaction[k, component]
-            velocity = saved[k, 2 + component] + (0.5 * h * a if last else h * a)
-            state[row, 2 + component] = velocity
-            state[row, place] = saved[k, place] if last else saved[k, place] + h * velocity
-        fastest = max(fastest, state[row, 2] ** 2 + state[row, 3] ** 2)
+            velocity = saved[k, 3 + component] + (0.5 * h * a if last else h * a)
+            system.velocity[row, component] = velocity
+            system.position[row, component] = saved[k, component] + (0.0 if last else h * velocity)
+        fastest = max(fastest, system.velocity[row, 0] ** 2 + system.velocity[row, 1] ** 2)
     if not last:
+        _predict(system.predicted, system, ghosts, h)
         moved(system, h * np.sqrt(fastest))
 
 
@@ -151,7 +158,7 @@ def _react(system, ghosts, saved, reaction, h, work):
         row = ghosts.rows[k]
         for component in range(3):
             new = system.force[row, component] - ghosts.load[k, component]
-            work[0] -= 0.5 * (reaction[k, component] + new) * h * saved[k, 2 + component]
+            work[0] -= 0.5 * (reaction[k, component] + new) * h * saved[k, 3 + component]
             reaction[k, component] = new
 
 
@@ -212,7 +219,7 @@ def run_slaved(
         _at_ghosts(ghosts, nodal[1], acceleration)
         for k in range(ghosts.rows.size):
             for component in range(3):
-                system.state[ghosts.rows[k], 2 + component] = acceleration[k, component]
+                system.velocity[ghosts.rows[k], component] = acceleration[k, component]
         _at_ghosts(ghosts, nodal[2], acceleration)
         _drift_massless(system, terms, ghosts, saved, acceleration, h)
         for i in range(nodal.shape[1]):
@@ -249,16 +256,15 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, fir
     left in `shift` (g, 3). `multiplier` (g, 3) holds the tie forces, N and N m, taken off the ghosts; `nodal` leaves as
     N_g^T multiplier.
     """
-    state, force = system.state, system.force
+    position, velocity, force = system.position, system.velocity, system.force
     residual = np.empty_like(multiplier)
     right = np.empty_like(nodal)
     if first < 0:
         _at_ghosts(ghosts, mesh, shift)
         for k in range(ghosts.rows.size):
             row = ghosts.rows[k]
-            shift[k, 0] -= state[row, 0] - ghosts.reference[k, 0]
-            shift[k, 1] -= state[row, 1] - ghosts.reference[k, 1]
-            shift[k, 2] -= state[row, 7]
+            for component in range(3):
+                shift[k, component] -= position[row, component] - ghosts.reference[k, component]
         shift *= tie.retie
         drift(system, terms, h)
         _shift_ghosts(system, ghosts, shift, h)
@@ -272,8 +278,8 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, fir
         for k in range(ghosts.rows.size):
             row = ghosts.rows[k]
             for component in range(3):
-                work[0] -= 0.5 * multiplier[k, component] * h * state[row, 2 + component]
-                half = state[row, 2 + component] - (shift[k, component] / h if j == 0 else 0.0)
+                work[0] -= 0.5 * multiplier[k, component] * h * velocity[row, component]
+                half = velocity[row, component] - (shift[k, component] / h if j == 0 else 0.0)
                 pull = force[row, component] / ghosts.mass[k, component] - tie.damping * half
                 free = half + 0.5 * h * pull / tie.damper
                 residual[k, component] = (free - residual[k, component]) * tie.stiffness[k, component]
@@ -286,10 +292,10 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, fir
             for component in range(3):
                 tied = residual[k, component] - tie.stiffness[k, component] * multiplier[k, component]
                 multiplier[k, component] = tied
-                work[0] -= 0.5 * tied * h * state[row, 2 + component]
+                work[0] -= 0.5 * tied * h * velocity[row, component]
                 force[row, component] -= tied
                 if j == 0:
-                    state[row, 2 + component] -= shift[k, component] / h
+                    velocity[row, component] -= shift[k, component] / h
         if j == steps - 1:
             kick(system, terms, h)
         else:
@@ -305,7 +311,8 @@ def _shift_ghosts(system, ghosts, shift, h):
     for k in range(ghosts.rows.size):
         row = ghosts.rows[k]
         for component in range(3):
-            system.state[row, component if component < 2 else 7] += shift[k, component]
-            system.state[row, 2 + component] += shift[k, component] / h
+            system.position[row, component] += shift[k, component]
+            system.velocity[row, component] += shift[k, component] / h
         largest = max(largest, abs(shift[k, 0]) + abs(shift[k, 1]))
+    _predict(system.predicted, system, ghosts, h)
     moved(system, largest)

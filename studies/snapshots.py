@@ -118,7 +118,7 @@ def particle_fields(
         strain.volumetric, strain.effective, count, force,
     )  # fmt: skip
     ends = np.stack([positions[found.first[discs]], positions[found.second[discs]]], axis=1)
-    normal = found.elastic[discs, 0]
+    normal = found.push[discs]
     along = np.sqrt(np.maximum(size[discs] ** 2 - normal**2, 0.0))
     touched = normal > 0.0
     return (

@@ -63,7 +63,7 @@ def test_full_coverage_is_exact_for_any_contact_law():
     coupled.advance(1)
     onto_nodes(fine.displacement(), body.displacement)
     onto_nodes(fine.velocity(), body.velocity)
-    onto_nodes(coupled.soil.system.acceleration, body.acceleration)
+    onto_nodes(coupled.soil.system.acceleration[:, :3], body.acceleration)
     coupled.advance(300)
     moved = np.abs(fine.displacement()).max(axis=0)
     mesh = projection.extend(exchange.gather(body.displacement))
