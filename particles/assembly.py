@@ -13,7 +13,7 @@ from particles.dispatch import Direct
 from particles.laws.several import Laws
 from particles.motion import Unstable
 from particles.network import rows_of
-from particles.system import RADIUS, SMALLEST_RADIUS, SUMS, TIME, TRAVEL_LIMIT, Held, System, Terms, Walls
+from particles.system import RADIUS, SMALLEST_RADIUS, SUMS, TIME, TRAVEL_LIMIT, Breaks, Held, System, Terms, Walls
 from particles.walls import Plate
 
 _advance, _stale, _runaway = Direct(motion.advance), Direct(motion.stale), Direct(motion.runaway)
@@ -89,6 +89,7 @@ class Assembly:
         self._step = 0.0
         self._imposed = 0.0
         self._sorted_at: np.ndarray | None = None
+        self._breaks: list[np.ndarray] = []
         self._system = self._first_system(density)
         listing.rebuild(self)
         self._refuse_coincident()
@@ -124,7 +125,7 @@ class Assembly:
             lightness=lightness, rotation=rows(space), spin=rows(space), predicted_spin=rows(space and viscous),
             angular=rows(space), torque=rows(space), nimbleness=nimbleness, start=np.zeros(count + 1, dtype=np.int32),
             first=none, second=none, history=np.zeros((len(self._laws.columns), 0)), scratch=aligned((SCRATCH,)),
-            material=self._laws.materials, external=None, walls=None, held=None,
+            material=self._laws.materials, external=None, walls=None, held=None, breaks=None,
             listed=position[:, : self.axes].copy(), sums=np.zeros(SUMS), clock=clock,
         )  # fmt: skip
 
@@ -295,6 +296,78 @@ class Assembly:
         if self._system.angular is not None:
             self._system.angular[rows, :3] *= free[:, 3:]
         self._system = self._system._replace(held=held)
+
+    def bond(self, reach: float = 0.02, pairs: Any = None) -> int:
+        """Bond pairs as they are now, without force (`Bonded` law; Rojek & Onate 2007, section 3.3).
+
+        Args:
+            reach: pairs with a distance up to (1 + reach) (r_i + r_j) are bonded.
+            pairs: (k, 2) ids, if only these are wanted (those of them that are in reach).
+
+        Returns:
+            Number of bonds made.
+
+        Raises:
+            ValueError: the law has no bonds, or a reach that is no share of the radii.
+        """
+        columns = [name for name, _ in self._laws.columns]
+        if "bond" not in columns:
+            raise ValueError(f"law={type(self._laws.all[0]).__name__} has no bonds; take the law Bonded")
+        if not (np.isfinite(reach) and reach >= 0.0):
+            raise ValueError(f"reach={reach} must be zero or positive (share of the sum of the radii)")
+        before = self._mechanical()
+        longest = max(law.longest() for law in self._laws.all)
+        needed = 2.0 * reach * self._radii.max(initial=0.0) + longest
+        if needed > self.skin:  # a bond must stay in the list for as long as it holds
+            self.skin = float(min(needed, 2.0 * self._radii.max()))
+            self._system.clock[TRAVEL_LIMIT] = 0.5 * self.skin
+        listing.rebuild(self)
+        system = self._system
+        count = int(system.start[-1])
+        first, second = system.first[:count].astype(np.int64), system.second[:count].astype(np.int64)
+        distance = np.linalg.norm(system.position[second, : self.axes] - system.position[first, : self.axes], axis=1)
+        sums = system.position[first, RADIUS] + system.position[second, RADIUS]
+        wanted = distance <= (1.0 + reach) * sums
+        if pairs is not None:
+            pairs = np.sort(np.asarray(pairs, dtype=np.int64).reshape(-1, 2), axis=1)
+            own = np.sort(np.column_stack([self._ids[first], self._ids[second]]), axis=1).astype(np.int64)
+            wanted &= np.isin(own @ [self.count, 1], pairs @ [self.count, 1])
+        places = np.flatnonzero(wanted)
+        system.history[:, places] = 0.0
+        system.history[columns.index("bond"), places] = 1.0
+        system.history[columns.index("offset"), places] = (distance - sums)[places]
+        bonds = int((system.history[columns.index("bond"), :count] > 0.5).sum())
+        self._file_breaks()
+        self._system = system._replace(breaks=Breaks(np.zeros((bonds, 7)), np.zeros(1, dtype=np.int64)))
+        self._primed = None
+        self._imposed += self._mechanical() - before
+        return places.size
+
+    def _file_breaks(self) -> None:
+        """Keep the logged breaks with ids instead of rows (before the rows change their order)."""
+        breaks = self._system.breaks
+        if breaks is not None and breaks.count[0]:
+            log = breaks.log[: breaks.count[0]].copy()
+            log[:, 1:3] = self._ids[log[:, 1:3].astype(np.int64)]
+            self._breaks.append(log)
+            breaks.count[0] = 0
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """Bonds that have broken, in the order of time (k, 7): time (s), ids i and j, place (x, y, z) in m, energy (J)."""
+        self._file_breaks()
+        return np.concatenate([np.zeros((0, 7)), *self._breaks])
+
+    @property
+    def bonds(self) -> np.ndarray:
+        """Ids (k, 2) of the pairs whose bonds hold."""
+        columns = [name for name, _ in self._laws.columns]
+        if "bond" not in columns:
+            return np.zeros((0, 2), dtype=np.int64)
+        system = self._system
+        count = int(system.start[-1])
+        held = np.flatnonzero(system.history[columns.index("bond"), :count] > 0.5)
+        return np.column_stack([self._ids[system.first[held]], self._ids[system.second[held]]]).astype(np.int64)
 
     def set_ghosts(self, ids: Any) -> None:
         """Discs that the caller moves (see `particles.motion`): pairs of two of them are no longer listed."""

@@ -12,7 +12,7 @@ from numba import njit
 from particles.columns import BLOCK, STRIDE, WIDTH, gather, load_column, scatter, store_column
 from particles.kinematics import touch_in_plane, touch_in_space
 from particles.laws.touch import NOTHING, law_at, respond
-from particles.system import INLINE, KERNEL, SPENT
+from particles.system import BREAKING, INLINE, KERNEL, SPENT, TIME
 from particles.vectors import cross, load, moved, plus, present, scaled, store
 
 # Places in the scratch array: differences of the rows of a pair (j minus i), each followed by what is needed of i alone
@@ -167,6 +167,32 @@ def _scatter_pairs(scratch, force, torque, first, second, at, count):
                 torque[j, k] += scratch[_OTHER + place]
 
 
+@njit(cache=True)
+def _log_breaks(breaks, scratch, history, sums, position, time, space, first, second, at, count):
+    """Write down the bonds of a batch that broke in this step (first column of the history: 1 while a bond holds)."""
+    if breaks is None:
+        return
+    broken = 0.0
+    for c in range(count):
+        broken += history[0, at + c] - scratch[_HISTORY + c]
+    if broken < 0.5:
+        return
+    for c in range(count):
+        if history[0, at + c] - scratch[_HISTORY + c] > 0.5:
+            if breaks.count[0] < breaks.log.shape[0]:
+                i, j = first[at + c], second[at + c]
+                line = breaks.log[breaks.count[0]]
+                line[0], line[1], line[2] = time, i, j
+                share = position[i, 3] / (position[i, 3] + position[j, 3])
+                for k in range(2 if space is None else 3):
+                    line[3 + k] = position[i, k] + share * (position[j, k] - position[i, k])
+                line[6] = scratch[_SPENT + BREAKING * STRIDE + c]
+            breaks.count[0] += 1
+    for c in range(WIDTH):
+        sums[BREAKING] += scratch[_SPENT + BREAKING * STRIDE + c]
+        scratch[_SPENT + BREAKING * STRIDE + c] = 0.0
+
+
 @njit(**KERNEL)
 def pair_forces(system, terms, step):
     """Add the contact forces of all listed pairs to the rows' forces; histories and energy sums follow.
@@ -192,6 +218,10 @@ def pair_forces(system, terms, step):
         _respond_all(
             scratch, count, step, present(system.spin), present(system.predicted), terms.law, terms.table, terms.blank
         )
+        _log_breaks(
+            system.breaks, scratch, history, system.sums, system.position, system.clock[TIME], present(system.spin), first,
+            second, at, count,
+        )  # fmt: skip
         for k in range(history.shape[0]):
             store_column(scratch, _HISTORY + k * STRIDE, history, k, at)
         _scatter_pairs(scratch, system.force, system.torque, first, second, at, count)

@@ -60,6 +60,7 @@ def rebuild(soil: Assembly) -> None:
 def _sort(soil: Assembly, width: float, changed: dict[str, Any]) -> np.ndarray:
     """Sort the rows by cell; the old row of each new one."""
     system = soil._system
+    soil._file_breaks()
     cell, number = neighbours.cell_grid(system.position, width, soil.axes)
     order, _ = neighbours.sort_by_cell(cell, int(number.prod()))
     for name in _ROWS:

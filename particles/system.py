@@ -77,6 +77,13 @@ class Held(NamedTuple):
     force: Any  # (held, freedoms)
 
 
+class Breaks(NamedTuple):
+    """Bonds that have broken, in the order of time; `count[0]` of them, more than there is room for are counted only."""
+
+    log: Any  # (room, 7): time, row i, row j, contact point (x, y, z), energy
+    count: Any  # (1,) int64
+
+
 class System(NamedTuple):
     """All that the kernels read and write; fetch it anew (`Assembly.system`) after `prepare` and `refresh`.
 
@@ -105,6 +112,7 @@ class System(NamedTuple):
     external: Any  # None or (n, freedoms): constant forces of the caller
     walls: Any  # None or Walls
     held: Any  # None or Held
+    breaks: Any  # None or Breaks
     listed: Any  # (n, 3): positions (in the plane: angles, too) at the last list build
     sums: Any  # (SUMS,): energy sums
     clock: Any  # (4,): time, travel since the list was built, its limit, smallest radius

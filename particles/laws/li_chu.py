@@ -6,7 +6,6 @@ is its history.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
@@ -14,8 +13,9 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from particles.laws.touch import NAMED, Channel, Response, carried, limited, pushed, respond
-from particles.vectors import head, minus, moved, scaled, tail
+from particles.laws.checks import checked
+from particles.laws.touch import NAMED, Channel, Response, carried, limited, next_part, pushed, respond, with_part
+from particles.vectors import minus, moved, scaled
 
 CHANNELS = ("sliding", "rolling", "moment", "torsion")
 
@@ -68,14 +68,8 @@ class LiChu:
     torsion_friction: float = 0.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.type == "float" and not (
-                isinstance(value, (int, float, np.number)) and math.isfinite(value) and value >= 0.0
-            ):
-                raise ValueError(f"{field.name}={value!r} must be a finite number, zero or positive")
-        if self.normal_stiffness == 0.0:
-            raise ValueError(f"normal_stiffness={self.normal_stiffness!r} must be positive (N/m)")
+        numbers = tuple(field.name for field in fields(self) if field.type == "float")
+        checked(self, numbers, positive=("normal_stiffness",))
         if self.rolling_length not in ("reduced", "twice_reduced"):
             raise ValueError(f"rolling_length={self.rolling_length!r} must be 'reduced' or 'twice_reduced'")
         if self.rolling_force not in ("torque", "contact"):
@@ -155,30 +149,6 @@ class LiChu:
             stiffness = getattr(self, f"{name}_stiffness")
             found[name] = 0.5 * (history[name] ** 2).sum(axis=1) / stiffness if stiffness and name in history else none
         return found
-
-
-def next_part(channel, values, pattern):
-    """The part of a history that belongs to a channel (zeros where it is absent) and what follows."""
-    return (scaled(0.0, pattern), values) if channel is None else (head(values, pattern), tail(values, pattern))
-
-
-@overload(next_part)
-def _next_part(channel, values, pattern):
-    if isinstance(channel, types.NoneType):
-        return lambda channel, values, pattern: (scaled(0.0, pattern), values)
-    return lambda channel, values, pattern: (head(values, pattern), tail(values, pattern))
-
-
-def with_part(channel, values, new):
-    """Append a channel's new values to a history, where it is present."""
-    return values if channel is None else (*values, *new)
-
-
-@overload(with_part)
-def _with_part(channel, values, new):
-    if isinstance(channel, types.NoneType):
-        return lambda channel, values, new: values
-    return lambda channel, values, new: values + new
 
 
 def _shear_and_couple(literal, shear, rolling, radius):

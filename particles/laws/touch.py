@@ -15,7 +15,7 @@ from numba.extending import overload
 
 from particles.columns import STRIDE
 from particles.system import INLINE
-from particles.vectors import cross, dot, minus, moved, plus, scaled
+from particles.vectors import cross, dot, head, minus, moved, plus, scaled, tail
 
 NAMED = (types.NamedTuple, types.NamedUniTuple)  # types of named tuples in compiled code
 FLAT = 1e300  # radius of a wall, m (infinity would not do in fast arithmetic)
@@ -170,6 +170,30 @@ def _dashpot(damping, spring, rate, limit, slips):
     if isinstance(damping, types.NoneType):
         return lambda damping, spring, rate, limit, slips: (spring, 0.0)
     return _dashpot_number if len(spring) == 1 else _dashpot_vector
+
+
+def next_part(channel, values, pattern):
+    """The part of a history that belongs to a channel (zeros where it is absent) and what follows."""
+    return (scaled(0.0, pattern), values) if channel is None else (head(values, pattern), tail(values, pattern))
+
+
+@overload(next_part)
+def _next_part(channel, values, pattern):
+    if isinstance(channel, types.NoneType):
+        return lambda channel, values, pattern: (scaled(0.0, pattern), values)
+    return lambda channel, values, pattern: (head(values, pattern), tail(values, pattern))
+
+
+def with_part(channel, values, new):
+    """Append a channel's new values to a history, where it is present."""
+    return values if channel is None else (*values, *new)
+
+
+@overload(with_part)
+def _with_part(channel, values, new):
+    if isinstance(channel, types.NoneType):
+        return lambda channel, values, new: values
+    return lambda channel, values, new: values + new
 
 
 def pushed(spring, damping, opening, touching):
