@@ -12,7 +12,7 @@ from numba import njit
 from particles.columns import BLOCK, STRIDE, WIDTH, gather, load_column, scatter, store_column
 from particles.kinematics import touch_in_plane, touch_in_space
 from particles.laws.touch import NOTHING, law_at, respond
-from particles.system import BREAKING, INLINE, KERNEL, SPENT, TIME
+from particles.system import BREAKING, INLINE, INNER, KERNEL, SPENT, TIME
 from particles.vectors import cross, load, moved, plus, present, scaled, store
 
 # Places in the scratch array: differences of the rows of a pair (j minus i), each followed by what is needed of i alone
@@ -167,7 +167,7 @@ def _scatter_pairs(scratch, force, torque, first, second, at, count):
                 torque[j, k] += scratch[_OTHER + place]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _log_breaks(breaks, scratch, history, sums, position, time, space, first, second, at, count):
     """Write down the bonds of a batch that broke in this step (first column of the history: 1 while a bond holds)."""
     if breaks is None:

@@ -22,11 +22,13 @@ from particles.contacts import pair_forces
 from particles.neighbours import largest_distance
 from particles.system import (
     EXTERNAL,
-    FAST,
     GRAVITY,
     HELD,
+    INNER,
+    KERNEL,
     LOCAL_DAMPING,
     MASS_DAMPING,
+    OUTER,
     PLATE_UX,
     PLATE_UY,
     POWER,
@@ -44,7 +46,7 @@ from particles.walls import move_plates, wall_forces
 FINISHED, STALE, UNSTABLE = 0, 1, 2
 CHECK_INTERVAL = 32  # steps between two looks for blow-up
 BLOCK = 256  # rows whose motion is advanced at a time, so that they stay in the fastest cache
-SMOOTH = {"cache": True, "fastmath": STEADY | {"reassoc"}, "error_model": "numpy"}  # sums may be taken in any order
+SMOOTH = {**INNER, "fastmath": STEADY | {"reassoc"}, "error_model": "numpy"}  # sums may be taken in any order
 
 
 class Unstable(RuntimeError):
@@ -110,7 +112,7 @@ def _predict(predicted, velocity, acceleration, half):
             predicted[e] = velocity[e] + half * acceleration[e]
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**KERNEL)
 def _fastest(velocity, plane):
     """Largest speed squared among rows (n, 4); in the plane the third component is a spin."""
     fastest = 0.0
@@ -122,7 +124,7 @@ def _fastest(velocity, plane):
     return fastest
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _part(rows, a, b):
     """Rows a to b as a flat list of numbers; None stays None."""
     if rows is None:
@@ -130,7 +132,7 @@ def _part(rows, a, b):
     return rows[a:b].reshape(4 * (b - a))
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _drift_rows(place, velocity, predicted, acceleration, force, lightness, sums, mass_damping, local_damping, step):
     """First half kick and drift of one kind of motion."""
     half = 0.5 * step
@@ -143,7 +145,7 @@ def _drift_rows(place, velocity, predicted, acceleration, force, lightness, sums
     _predict(predicted, velocity, acceleration, half)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _kick_rows(place, velocity, predicted, acceleration, force, lightness, sums, mass_damping, local_damping, step, move):
     """New accelerations; velocities to the end of the step, or (move = 1) on to the middle of the next, and drift."""
     half = 0.5 * step
@@ -159,7 +161,7 @@ def _kick_rows(place, velocity, predicted, acceleration, force, lightness, sums,
         _predict(predicted, velocity, acceleration, half)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _drift(system, spin, terms, step):
     fastest = 0.0
     count = system.position.shape[0]
@@ -181,7 +183,7 @@ def _drift(system, spin, terms, step):
     return fastest
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _kick(system, spin, terms, step, move):
     fastest = 0.0
     count = system.position.shape[0]
@@ -204,7 +206,7 @@ def _kick(system, spin, terms, step, move):
     return fastest
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _load_work(sums, velocity, spin, lightness, gravity, external, step):
     """Book the work of gravity and external forces over the displacement of a step."""
     if gravity is not None:
@@ -228,7 +230,7 @@ def _load_work(sums, velocity, spin, lightness, gravity, external, step):
 # -------------------------------------------------------------------------------------------------- held components
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _suspend_rows(held, velocity, force, first):
     for k in range(held.row.size):
         i = held.row[k]
@@ -239,7 +241,7 @@ def _suspend_rows(held, velocity, force, first):
             force[i, c] *= held.free[k, first + c]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _restore_rows(held, place, velocity, predicted, acceleration, force, first, sums, weight, step):
     for k in range(held.row.size):
         i = held.row[k]
@@ -255,7 +257,7 @@ def _restore_rows(held, place, velocity, predicted, acceleration, force, first, 
                 sums[HELD] -= weight * held.force[k, f] * held.velocity[k, f]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _suspend(held, spin, system):
     """Take held components out of a loop over all rows: no velocity, no force."""
     if held is not None:
@@ -264,7 +266,7 @@ def _suspend(held, spin, system):
             _suspend_rows(held, system.spin, system.torque, 3)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _restore(held, spin, system, weight, step):
     """Give held components their velocity back and move them by `step` s; largest speed squared among them."""
     fastest = 0.0
@@ -287,21 +289,21 @@ def _restore(held, spin, system, weight, step):
 # ----------------------------------------------------------------------------------------------------- building blocks
 
 
-@njit(cache=True)
+@njit(**INNER)
 def drift(system, terms, step):
     """First half kick and drift: velocities to the middle of the step, positions and plates to its end."""
     _suspend(system.held, system.spin, system)
     _arrive(system, _drift(system, system.spin, terms, step), step, 0.5 * step)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def kick_drift(system, terms, step):
     """After `evaluate`: accelerations, velocities on to the middle of the next step, positions and plates to its end."""
     _suspend(system.held, system.spin, system)
     _arrive(system, _kick(system, system.spin, terms, step, 1), step, step)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _arrive(system, fastest, step, weight):
     held = _restore(system.held, system.spin, system, weight, step)
     plates = move_plates(system.walls, step)
@@ -309,7 +311,7 @@ def _arrive(system, fastest, step, weight):
     system.clock[TIME] += step
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def kick(system, terms, step):
     """After the last `evaluate`: accelerations, velocities to the end of the step. With step = 0: accelerations only."""
     _suspend(system.held, system.spin, system)
@@ -317,7 +319,7 @@ def kick(system, terms, step):
     _restore(system.held, system.spin, system, 0.5 * step, 0.0)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _load(force, torque, lightness, gravity, external):
     """Set forces and torques to the loads: gravity and the caller's external forces."""
     force[:] = 0.0
@@ -337,7 +339,7 @@ def _load(force, torque, lightness, gravity, external):
                     torque[i, c] += external[i, 3 + c]
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def evaluate(system, terms, step):
     """Forces (loads, pair contacts, plates) at the present positions; histories advance by the step just moved.
 
@@ -352,13 +354,13 @@ def evaluate(system, terms, step):
     sums[VISCOUS] += 0.5 * step * (power + sums[POWER])
 
 
-@njit(cache=True)
+@njit(**INNER)
 def moved(system, distance):
     """Tell the list that some rows may have moved by `distance` (m) more than the loops know."""
     system.clock[TRAVEL] += distance
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _plates_travel(walls):
     if walls is None:
         return 0.0
@@ -370,7 +372,7 @@ def _plates_travel(walls):
     return largest
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def stale(system):
     """Whether the list must be rebuilt before the next `evaluate`: something moved by more than half the skin.
 
@@ -383,13 +385,13 @@ def stale(system):
     return not clock[TRAVEL] <= clock[TRAVEL_LIMIT]
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def runaway(system, step):
     """Row of a particle that moves by more than the smallest radius in a step, or is not finite; -1 if there is none."""
     return _runaway(system.position, system.velocity, system.spin, system.clock[SMALLEST_RADIUS] ** 2, step)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _runaway(position, velocity, spin, limit, step):
     for i in range(position.shape[0]):
         square = velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1]
@@ -403,7 +405,7 @@ def _runaway(position, velocity, spin, limit, step):
     return -1
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def advance(system, terms, steps, step, resume):
     """Make `steps` steps of size `step` (s).
 

@@ -10,7 +10,7 @@ from numba import njit
 from particles import motion, neighbours, walls
 from particles.dispatch import Direct
 from particles.laws.touch import FLAT, Touch, respond, with_numbers
-from particles.system import PLATE_DX, PLATE_DY, RADIUS, System, Terms
+from particles.system import INLINE, OUTER, PLATE_DX, PLATE_DY, RADIUS, System, Terms
 from particles.vectors import load
 
 if TYPE_CHECKING:
@@ -87,30 +87,46 @@ def stored(soil: Assembly, contacts: Contacts) -> dict[str, float]:
     return total
 
 
-@njit(cache=True)
+@njit(**INLINE)
+def _resting_disc(law, blank, overlap, rolling, nx, ny, distance, radius_i, radius_j, values, k, stride):
+    touch = Touch(
+        overlap, 0.0, (0.0,), (0.0,), (0.0,), (0.0,), 0.0, 0.0, rolling, rolling, (nx, ny), distance, (radius_i, radius_j),
+        1.0, (),
+    )  # fmt: skip
+    return respond(law, touch, load(values, k, stride, blank))
+
+
+@njit(**OUTER)
 def _rest_in_plane(law, numbers, blank, normal, overlap, distance, radii, rolling, history, push, tangential, couple):
     """Actions of contacts that do not move: normal force (k,), tangential force and couple on i (k, components)."""
     values = history.ravel()
     for k in range(push.size):
-        touch = Touch(
-            overlap[k], 0.0, (0.0,), (0.0,), (0.0,), (0.0,), 0.0, 0.0, rolling[k], rolling[k], (normal[k, 0], normal[k, 1]),
-            distance[k], (radii[k, 0], radii[k, 1]), 1.0, (),
+        answer = _resting_disc(
+            with_numbers(law, numbers[k], 0, 1), blank, overlap[k], rolling[k], normal[k, 0], normal[k, 1], distance[k],
+            radii[k, 0], radii[k, 1], values, k, push.size,
         )  # fmt: skip
-        answer = respond(with_numbers(law, numbers[k], 0, 1), touch, load(values, k, push.size, blank))
         push[k], tangential[k, 0], couple[k, 0] = answer.normal, answer.tangential[0], answer.couple[0]
 
 
-@njit(cache=True)
+@njit(**INLINE)
+def _resting_sphere(law, blank, overlap, rolling, n, distance, radius_i, radius_j, values, k, stride):
+    still = (0.0, 0.0, 0.0)
+    touch = Touch(
+        overlap, 0.0, still, still, still, still, 0.0, 0.0, rolling, rolling, n, distance, (radius_i, radius_j), 1.0,
+        (still, n, n),
+    )  # fmt: skip
+    return respond(law, touch, load(values, k, stride, blank))
+
+
+@njit(**OUTER)
 def _rest_in_space(law, numbers, blank, normal, overlap, distance, radii, rolling, history, push, tangential, couple):
     """The same for spheres."""
-    values, still = history.ravel(), (0.0, 0.0, 0.0)
+    values = history.ravel()
     for k in range(push.size):
-        n = (normal[k, 0], normal[k, 1], normal[k, 2])
-        touch = Touch(
-            overlap[k], 0.0, still, still, still, still, 0.0, 0.0, rolling[k], rolling[k], n,
-            distance[k], (radii[k, 0], radii[k, 1]), 1.0, (still, n, n),
+        answer = _resting_sphere(
+            with_numbers(law, numbers[k], 0, 1), blank, overlap[k], rolling[k], (normal[k, 0], normal[k, 1], normal[k, 2]),
+            distance[k], radii[k, 0], radii[k, 1], values, k, push.size,
         )  # fmt: skip
-        answer = respond(with_numbers(law, numbers[k], 0, 1), touch, load(values, k, push.size, blank))
         push[k] = answer.normal
         for c in range(3):
             tangential[k, c], couple[k, c] = answer.tangential[c], answer.couple[c]

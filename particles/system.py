@@ -18,7 +18,9 @@ llvm.set_option("", "-slp-threshold=1000000")
 # LLVM may contract, use reciprocals and assume finite numbers; checks for blow-up live in functions without it.
 FAST = {"contract", "arcp", "nsz", "nnan", "ninf"}
 STEADY = {"contract", "arcp", "nsz"}  # the same where numbers may be infinite
-KERNEL = {"cache": True, "fastmath": FAST, "error_model": "numpy"}
+OUTER = {"cache": True, "no_cfunc_wrapper": True}  # called from Python
+INNER = {**OUTER, "no_cpython_wrapper": True}  # called from compiled code only: half as long to compile
+KERNEL = {**INNER, "fastmath": FAST, "error_model": "numpy"}
 INLINE = {**KERNEL, "forceinline": True}  # so that the loop over pairs can be turned into vector instructions
 
 RADIUS = 3  # column of `System.position`

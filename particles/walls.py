@@ -12,6 +12,7 @@ from numba import njit
 from particles.laws import LiChu
 from particles.laws.touch import FLAT, Touch, respond, wall_law
 from particles.system import (
+    INNER,
     KERNEL,
     PLATE_DX,
     PLATE_DY,
@@ -198,7 +199,7 @@ def closest_point(corners, first, last, x, y):
     return to_x / distance, to_y / distance, distance, True
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _book_plate(plates, k):
     """Half of the trapezoidal rule for the work of plate k on the particles over the step just moved."""
     plates[k, PLATE_WORK] -= 0.5 * (plates[k, PLATE_FX] * plates[k, PLATE_DX] + plates[k, PLATE_FY] * plates[k, PLATE_DY])
@@ -230,19 +231,19 @@ def _touch_of_plate(nx, ny, distance, corner, dx, dy, turn, rate, radius, mass):
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _rates_of(predicted, i):
     if predicted is None:
         return 0.0, 0.0, 0.0
     return predicted[i, 0], predicted[i, 1], predicted[i, 2]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _material_of(material, i):
     return 0 if material is None else material[i]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def wall_forces(system, terms, step):
     """Add plate contacts to the forces, set the reactions on the plates and book the plates' work.
 
@@ -252,7 +253,7 @@ def wall_forces(system, terms, step):
     _plate_forces(system, system.walls, terms, step)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _plate_forces(system, walls, terms, step):
     if walls is None:
         return
@@ -299,7 +300,7 @@ def _plate_forces(system, walls, terms, step):
     sums[WALLS] = total
 
 
-@njit(cache=True)
+@njit(**INNER)
 def move_plates(walls, step):
     """Move the plates by one step (at the driven velocity where there is one); their largest speed, m/s."""
     if walls is None:
@@ -307,7 +308,7 @@ def move_plates(walls, step):
     return _move_plates(walls.plates, walls.drive, walls.drive_step, step)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _move_plates(plates, drive, drive_step, step):
     fastest = 0.0
     for k in range(plates.shape[0]):
