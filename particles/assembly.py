@@ -445,7 +445,7 @@ class Assembly:
         if not 0.0 <= local_damping < 1.0:
             raise ValueError(f"local_damping={local_damping} must lie in [0, 1)")
         return Terms(
-            self._laws.template, self._laws.table, self._laws.blank, None,
+            self._laws.template, self._laws.table, self._laws.blank, self._laws.massive,
             (*map(float, gravity), 0.0)[:3] if gravity.any() else None, float(mass_damping) or None,
             float(local_damping) or None,
         )  # fmt: skip

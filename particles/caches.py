@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numba
+from numba.core.caching import NullCache
+from numba.core.dispatcher import Dispatcher
 
 
 def drop_stale(folder: Path, *others: Path) -> None:
@@ -26,3 +30,27 @@ def drop_stale(folder: Path, *others: Path) -> None:
             with contextlib.suppress(OSError):
                 if index.stat().st_mtime_ns < newest:
                     index.unlink()
+
+
+@contextlib.contextmanager
+def without_cache() -> Iterator[None]:
+    """Compile without the disk: for loops with a function of a driver script in them.
+
+    Such a function has no name that means the same in the next process: what would be written could not be found again,
+    and the files would grow with every run.
+    """
+    found = {
+        id(value): value
+        for name, module in list(sys.modules.items())
+        if name.partition(".")[0] in ("particles", "bridge")
+        for value in list(vars(module).values())
+        if isinstance(value, Dispatcher)
+    }
+    kept = {key: dispatcher._cache for key, dispatcher in found.items()}
+    try:
+        for dispatcher in found.values():
+            dispatcher._cache = NullCache()
+        yield
+    finally:
+        for key, dispatcher in found.items():
+            dispatcher._cache = kept[key]

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Any
 
 from numba import typeof
+from numba.core.dispatcher import Dispatcher
+
+from particles.caches import without_cache
 
 
 def _kinds(value: Any) -> Any:
-    """Types of a value, down through tuples."""
-    return tuple(map(_kinds, value)) if isinstance(value, tuple) else type(value)
+    """Types of a value, down through tuples; a compiled function is a type of its own."""
+    if isinstance(value, tuple):
+        return tuple(map(_kinds, value))
+    return value if isinstance(value, Dispatcher) else type(value)
+
+
+def _has_function(kinds: Any) -> bool:
+    return any(map(_has_function, kinds)) if isinstance(kinds, tuple) else isinstance(kinds, Dispatcher)
 
 
 class Direct:
@@ -40,7 +50,8 @@ class Direct:
                 # by the types, not by a call: numba's own choice among compiled versions was seen to take one for a
                 # law without dashpots where the law had them
                 types = tuple(map(typeof, arguments))
-                entry.compile(types)
+                with without_cache() if _has_function(kinds) else contextlib.nullcontext():
+                    entry.compile(types)
                 entry = entry.overloads[types].entry_point
             self._entries[kinds] = entry
         self._last, self._last_key, self._entry = arguments, key, entry

@@ -39,6 +39,7 @@ class Laws:
         self.template = first.constants(self.all, space)
         self.columns: list[tuple[str, float]] = first.columns(self.all, space)
         self.signs = np.array([sign for _, sign in self.columns])
+        self.massive = 1 if any(getattr(one, "needs_mass", bool)() for one in self.all) else None
         self.is_viscous = any(one.is_viscous() for one in self.all)
         self.materials: np.ndarray | None = None
         self.kinds = 1

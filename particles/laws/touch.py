@@ -54,7 +54,7 @@ class Response(NamedTuple):
 
 def respond(law, touch, history):
     """`Response` of a contact law (its named tuple of constants) to a touch; each law has its own (numba overload)."""
-    return law.respond(law, touch, history)
+    return law.respond(law.numbers, touch, history)
 
 
 @overload(respond)
@@ -63,7 +63,7 @@ def _user_respond(law, touch, history):
     if isinstance(law, NAMED) and "respond" in law.fields:
 
         def call(law, touch, history):
-            return law.respond(law, touch, history)
+            return law.respond(law.numbers, touch, history)
 
         return call
 
