@@ -25,7 +25,7 @@ def run(communicator, variant):
     return nodes, particles, coupled.energies(), coupled.mismatch()
 
 
-@pytest.mark.parametrize("variant", ["paper", "resync", "respa", "multiplier"])
+@pytest.mark.parametrize("variant", ["paper", "resync", "respa", "multiplier", "subcycling"])
 def test_ranks_agree_with_one_rank(variant):
     """Sums over ranks change the order of additions only: 1e-9 of the largest displacement after 40 coarse steps."""
     nodes, particles, energies, mismatch = run(comm, variant)
