@@ -8,7 +8,7 @@ import warnings
 from studies.foundation import MOST_STEPS, Parameters
 
 COARSE_RATIO = 0.5  # default coarse step as a share of the continuum's critical step
-TRUSTED_RATIO = 0.7  # of the continuum's critical step: up to there subcycling and multiplier do not grow, respa hardly
+TRUSTED_RATIO = 0.7  # of the continuum's critical step: up to there subcycling does not grow, multiplier and respa by 2 1/s
 SOUND = ("subcycling", "multiplier", "respa")  # variants that need no damping
 ENOUGH_DAMPING = 0.05  # of sqrt(k_N/m): with it paper and resync have not been seen to grow
 
