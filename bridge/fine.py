@@ -6,8 +6,10 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from bridge import substeps
+from bridge import subcycling, substeps
+from bridge.blocks import Blocks, blocks
 from bridge.projection import Projection, SymmetricSolver
+from bridge.subcycling import Mesh, Nodes
 from bridge.substeps import Ghosts, Linear, Tie
 from particles.dispatch import Direct
 from particles.network import Before, trial_forces
@@ -15,6 +17,7 @@ from particles.network import Before, trial_forces
 Array = NDArray[np.float64]
 
 run_prescribed, run_slaved, run_tied = map(Direct, (substeps.run_prescribed, substeps.run_slaved, substeps.run_tied))
+run_subcycled, run_coarse = map(Direct, (subcycling.run_subcycled, subcycling.run_coarse))
 
 TOUCHING = 1e-6  # gap, in sums of radii, up to which two discs count as touching
 RETIE = 0.1  # part of the tied ghosts' drift from the mesh that is taken back each coarse step; 1 makes the scheme grow
@@ -43,9 +46,10 @@ class FineScale:
         self._weights = np.column_stack([soil.masses, soil.masses, soil.inertias])
         self.ghost_mass = self._weights[self.ids]
         self.ghost_shape = self._shape[self.ids]
-        self._work = np.zeros(1)
+        self._work, self._left = np.zeros(1), np.zeros(1, dtype=np.int64)
         self.linear: Linear | None = None
         self.ghosts_move_by_themselves = False  # otherwise their inside share is mass of the mesh
+        self.carried_weight = 1.0 - self.share  # part of each ghost's weight that is a load of the continuum
         self._generation = -1
         self._before: Before | None = None
 
@@ -63,6 +67,7 @@ class FineScale:
         self.interface = np.unique(self.ghost_shape.indices)
         self._local_shape = sparse.csr_matrix(self.ghost_shape[:, self.interface])
         count, width = len(self.ids), len(self.interface)
+        self.nodes = Nodes._make([*(np.zeros((width, 3)) for _ in Nodes._fields[1:]), np.zeros(1)])
         self._saved, self.reaction, self._multiplier = np.zeros((count, 6)), np.zeros((count, 3)), np.zeros((count, 3))
         self._ghost_acceleration, self._shift = np.zeros((count, 3)), np.zeros((count, 3))
         self.nodal_acceleration = np.zeros((width, 3))  # of interface nodes by the ghosts' reactions
@@ -102,12 +107,11 @@ class FineScale:
         free = np.ones(len(rows), dtype=bool)
         free[rows[self.ids]] = False
         self._free = np.flatnonzero(free)
-        shape = self._shape[order]
-        self._to_nodes = sparse.csr_matrix(shape.T)
+        self._order = order
+        self._to_nodes = sparse.csr_matrix(self._shape[order].T)
         self._reference = np.ascontiguousarray(np.hstack([self.soil.reference, np.zeros((self.soil.count, 1))])[order])
-        weights = self._weights[order][self._free]
-        self.projection = Projection(shape[self._free], weights[:, 0], weights[:, 2])
-        load = self.ghost_mass * (1.0 - self.share)[:, None] * np.array([*self._gravity, 0.0])
+        self._projection: Projection | None = None
+        load = self.ghost_mass * self.carried_weight[:, None] * np.array([*self._gravity, 0.0])
         local = self._local_shape
         self._ghosts = Ghosts(
             rows[self.ids].astype(np.int64), self.ghost_mass, load,
@@ -116,6 +120,14 @@ class FineScale:
         )  # fmt: skip
         self._previous = np.zeros((len(rows), 3))
         self._fitters: list[SymmetricSolver] = []
+
+    @property
+    def projection(self) -> Projection:
+        """Projection of the free particles' motion on the mesh, in the present row order."""
+        if self._projection is None:
+            shape, weights = self._shape[self._order][self._free], self._weights[self._order][self._free]
+            self._projection = Projection(shape, weights[:, 0], weights[:, 2])
+        return self._projection
 
     def linearise(self, stiffness: sparse.spmatrix | None) -> None:
         """Replace the contact law by -K q (K (3n, 3n) in id order), or bring the law back with None."""
@@ -230,6 +242,24 @@ class FineScale:
                 inverse[component][np.ix_(loose, loose)] = np.linalg.inv(gram + np.diag(1.0 / part[loose]))
         self._tie = Tie(stiffness, inverse, self.mass_damping, damper, RETIE)
 
+    def set_nodes(self, mass: Array, inverse_mass: Array, stiffness: sparse.csr_matrix) -> None:
+        """Let the interface nodes step with the particles; the mesh then carries the ghosts' weight.
+
+        Args:
+            mass, inverse_mass: Of the nodes (needed nodes, 3), zero where prescribed.
+            stiffness: Of the continuum among the interface nodes (3 w, 3 w).
+        """
+        own = self.interface
+        self.carried_weight = np.ones(len(self.ids))
+        self._generation = -1
+        self.nodes.mass[:], self.nodes.inverse_mass[:] = mass[own], inverse_mass[own]
+        if self.edge_stiffness is not None:
+            places = (3 * own[:, None] + np.arange(3)).ravel()
+            stiffness = stiffness + self.edge_stiffness[places][:, places]
+        self._inner = blocks(stiffness)
+        if self.soil.count:
+            self._arrange()
+
     # ---------------------------------------------------------------------------------------------------------- substeps
 
     def _prepare(self, steps: int) -> None:
@@ -309,6 +339,36 @@ class FineScale:
         force[own] = sums
         return force
 
+    def run_subcycled(self, velocity: Array, force: Array, slope: Array, steps: int) -> Array:
+        """Fine steps of particles and interface nodes within a coarse step.
+
+        Args:
+            velocity: Of the nodes (needed nodes, 3) at the start.
+            force: Of the continuum on them, N.
+            slope: Change of that force by the motion of the nodes off the interface, N/s.
+            steps: Number of fine steps.
+
+        Returns:
+            (needed nodes, 12): displacement, change of velocity, impulse of the continuum and force of the particles at the
+            end; zero off the interface.
+        """
+        result = np.zeros((len(velocity), 12))
+        if not self.soil.count:
+            return result
+        self._prepare(steps)
+        own, nodes = self.interface, self.nodes
+        nodes.velocity[:], nodes.start[:], nodes.slope[:] = velocity[own], force[own], slope[own]
+        self.run_loop(run_subcycled, steps, (nodes, self._inner, self.mass_damping), ())
+        result[own] = np.hstack([nodes.moved, nodes.velocity - velocity[own], nodes.impulse, nodes.link])
+        return result
+
+    def run_coarse(self, mesh: Mesh, stiffness: Blocks, at: NDArray[np.int64], steps: int, substeps: int) -> None:
+        """Coarse steps of `substeps` fine ones; `at` (w,) are the interface nodes among those of the mesh."""
+        self._prepare(steps * substeps)
+        self._left[0] = steps
+        before = (self.nodes, self._inner, mesh, stiffness, at, self.mass_damping, self._left)
+        self.run_loop(run_coarse, substeps, before, ())
+
     def follow_mesh(self, displacement: Array, velocity: Array, acceleration: Array) -> None:
         """Put massless ghosts where the nodal motion (needed nodes, 3) says."""
         if not self.soil.count:
@@ -325,7 +385,9 @@ class FineScale:
 
     def own_arrays(self) -> list[Array]:
         """Arrays of this class that the substeps write (kept and restored around a linear analysis)."""
-        return [self.reaction, self._multiplier, self._work, self._previous] if self.soil.count else []
+        if not self.soil.count:
+            return []
+        return [self.reaction, self._multiplier, self._work, self._previous, self.nodes.lost]
 
     def _set_ghost_velocity(self, velocity: Array) -> None:
         self.soil.system.velocity[self._ghosts.rows, :3] = self.ghost_shape @ velocity

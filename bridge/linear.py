@@ -26,9 +26,9 @@ class LinearSystem:
         coupled, rule, fine, system = self._coupled, self._rule, self._fine, self._fine.soil.system
         self._kept = [array.copy() for array, _ in self._arrays()]
         self._sums = [array.copy() for array in self._side_arrays(system)]
-        self._attributes = {name: getattr(rule, name) for name in rule.ATTRIBUTES}
+        self._attributes = {name: np.copy(getattr(rule, name)) for name in rule.ATTRIBUTES}
         self._clock = (coupled.time, coupled.coarse_steps)
-        rule.external, rule.moves_prescribed = np.zeros_like(rule.external), False
+        rule.external[:], rule.moves_prescribed = 0.0, False
         fine.linearise(self._stiffness)
         self._bounds = np.cumsum([0, *self._body.comm.allgather(len(self._local()))])
         return self
@@ -37,7 +37,10 @@ class LinearSystem:
         coupled, rule, system = self._coupled, self._rule, self._fine.soil.system
         self._fine.linearise(None)
         for name, value in self._attributes.items():
-            setattr(rule, name, value)
+            if value.ndim:
+                getattr(rule, name)[:] = value
+            else:
+                setattr(rule, name, value.item())
         for (array, _), kept in zip(self._arrays(), self._kept, strict=True):
             array[:] = kept
         for array, kept in zip(self._side_arrays(system), self._sums, strict=True):

@@ -58,7 +58,7 @@ def _linear_forces(position, force, linear):
 
 
 @njit(cache=True)
-def _forces(system, terms, linear, h):
+def forces(system, terms, linear, h):
     if linear is None:
         evaluate(system, terms, h)
     else:
@@ -66,7 +66,7 @@ def _forces(system, terms, linear, h):
 
 
 @njit(cache=True)
-def _list_used_up(system, linear):
+def list_used_up(system, linear):
     if linear is None:
         return stale(system)
     return False
@@ -81,7 +81,7 @@ def _save(system, ghosts, saved):
 
 
 @njit(cache=True)
-def _still_ghosts(system, ghosts):
+def still_ghosts(system, ghosts):
     """Take the ghosts' velocities and forces out of a loop over all rows (they were saved)."""
     for k in range(ghosts.rows.size):
         row = ghosts.rows[k]
@@ -106,7 +106,7 @@ def _predict(predicted, system, ghosts, h):
 def _drift_massless(system, terms, ghosts, saved, acceleration, h):
     """`drift` of all rows; the ghosts move by their own velocity and `acceleration` and book no energy."""
     _save(system, ghosts, saved)
-    _still_ghosts(system, ghosts)
+    still_ghosts(system, ghosts)
     drift(system, terms, h)
     fastest = 0.0
     for k in range(ghosts.rows.size):
@@ -124,7 +124,7 @@ def _drift_massless(system, terms, ghosts, saved, acceleration, h):
 @njit(cache=True)
 def _advance_others(system, terms, ghosts, h, last, previous):
     """Kick (and drift) all rows but the ghosts, which stand still and feel nothing meanwhile."""
-    _still_ghosts(system, ghosts)
+    still_ghosts(system, ghosts)
     if last:
         previous[:] = system.acceleration[:, :3]
         kick(system, terms, h)
@@ -184,6 +184,62 @@ def _at_ghosts(ghosts, nodal, values):
 
 
 @njit(cache=True)
+def take_link(system, ghosts, link):
+    """link = N_g^T of the contact forces on the ghosts, (w, 3); then they stand still and feel nothing."""
+    link[:] = 0.0
+    for k in range(ghosts.rows.size):
+        row = ghosts.rows[k]
+        x = system.force[row, 0] - ghosts.load[k, 0]
+        y = system.force[row, 1] - ghosts.load[k, 1]
+        moment = system.force[row, 2] - ghosts.load[k, 2]
+        for s in range(ghosts.start[k], ghosts.start[k + 1]):
+            node, weight = ghosts.node[s], ghosts.weight[s]
+            link[node, 0] += weight * x
+            link[node, 1] += weight * y
+            link[node, 2] += weight * moment
+        for component in range(3):
+            system.velocity[row, component] = 0.0
+            system.acceleration[row, component] = 0.0
+            system.force[row, component] = 0.0
+
+
+@njit(cache=True)
+def ghosts_feel(system, ghosts):
+    """Whether ghosts have forces: `take_link` leaves none, so that these were evaluated elsewhere (after a change)."""
+    for k in range(ghosts.rows.size):
+        for component in range(3):
+            if system.force[ghosts.rows[k], component] != 0.0:
+                return True
+    return False
+
+
+@njit(cache=True)
+def carry_ghosts(system, ghosts, nodes, h):
+    """Give the ghosts the nodes' velocity and acceleration, and the displacement of a step of `h` with that velocity."""
+    fastest = 0.0
+    for k in range(ghosts.rows.size):
+        row = ghosts.rows[k]
+        vx, vy, spin = 0.0, 0.0, 0.0
+        ax, ay, az = 0.0, 0.0, 0.0
+        for s in range(ghosts.start[k], ghosts.start[k + 1]):
+            node, weight = ghosts.node[s], ghosts.weight[s]
+            vx += weight * nodes.velocity[node, 0]
+            vy += weight * nodes.velocity[node, 1]
+            spin += weight * nodes.velocity[node, 2]
+            ax += weight * nodes.acceleration[node, 0]
+            ay += weight * nodes.acceleration[node, 1]
+            az += weight * nodes.acceleration[node, 2]
+        system.velocity[row, 0], system.velocity[row, 1], system.velocity[row, 2] = vx, vy, spin
+        system.acceleration[row, 0], system.acceleration[row, 1], system.acceleration[row, 2] = ax, ay, az
+        system.position[row, 0] += h * vx
+        system.position[row, 1] += h * vy
+        system.position[row, 2] += h * spin
+        fastest = max(fastest, vx * vx + vy * vy)
+    _predict(system.predicted, system, ghosts, h)
+    moved(system, h * np.sqrt(fastest))
+
+
+@njit(cache=True)
 def run_prescribed(
     system, terms, linear, ghosts, acceleration, h, steps, first, pause, saved, reaction, previous, work
 ):
@@ -195,9 +251,9 @@ def run_prescribed(
     if first < 0:
         _drift_massless(system, terms, ghosts, saved, acceleration, h)
     for j in range(max(first, 0), steps):
-        if j == pause or _list_used_up(system, linear):
+        if j == pause or list_used_up(system, linear):
             return j
-        _forces(system, terms, linear, h)
+        forces(system, terms, linear, h)
         _save(system, ghosts, saved)
         _react(system, ghosts, saved, reaction, h, work)
         last = j == steps - 1
@@ -227,9 +283,9 @@ def run_slaved(
                 nodal[1, i, component] += 0.5 * h * nodal[2, i, component]
                 nodal[0, i, component] += h * nodal[1, i, component]
     for j in range(max(first, 0), steps):
-        if _list_used_up(system, linear):
+        if list_used_up(system, linear):
             return j
-        _forces(system, terms, linear, h)
+        forces(system, terms, linear, h)
         _save(system, ghosts, saved)
         _react(system, ghosts, saved, reaction, h, work)
         _nodal_sum(ghosts, reaction, sums)
@@ -269,9 +325,9 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, fir
         drift(system, terms, h)
         _shift_ghosts(system, ghosts, shift, h)
     for j in range(max(first, 0), steps):
-        if _list_used_up(system, linear):
+        if list_used_up(system, linear):
             return j
-        _forces(system, terms, linear, h)
+        forces(system, terms, linear, h)
         part = (j + 1.0) / steps
         nodal[:] = (1.0 - part) * start + part * end
         _at_ghosts(ghosts, nodal, residual)

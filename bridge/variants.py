@@ -5,107 +5,13 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sparse
 
+from bridge.blocks import blocks
 from bridge.projection import SymmetricSolver
+from bridge.rule import Rule
+from bridge.subcycling import Mesh, finish, move_others
 
 
-class _Variant:
-    """What the variants share: coarse masses, prescribed nodes, energy sums of the continuum side."""
-
-    ATTRIBUTES = ("external", "continuum_force", "link", "lost", "external_work", "link_work", "moves_prescribed")
-
-    def __init__(self, coupled):
-        body, fine, exchange = coupled.body, coupled.fine, coupled.exchange
-        self.coupled, self.body, self.fine, self.exchange = coupled, body, fine, exchange
-        self.step, self.damping = coupled.step, coupled.mass_damping
-        self.damper = 1.0 + 0.5 * self.damping * self.step
-        self.covered = exchange.gather(body.mass)[:, 0] <= 0.0  # needed nodes without continuum mass
-        lost = body.comm.allreduce(fine.set_interface(self.covered, coupled.on_outline()))
-        if lost:
-            raise ValueError(
-                f"{lost} ghosts lie in covered elements: leave the same region out of the body as was given to the layout"
-            )
-        self.mass = self._coarse_mass(body.mass.copy())
-        movable = (self.mass > 0.0) & ~body.fixed
-        self.inverse_mass = np.divide(1.0, self.mass, out=np.zeros_like(self.mass), where=movable)
-        self.external = body.external_force()
-        self._stiff_edge = bool(body.comm.allreduce(int(fine.edge_stiffness is not None)))
-        self.update_continuum_force()
-        self.link = np.zeros_like(self.mass)  # force of the particles on the continuum's own mass, N
-        self.lost = self.external_work = self.link_work = 0.0
-        self.moves_prescribed = body.moves_prescribed
-
-    def _coarse_mass(self, mass):
-        """Lumped mass (owned nodes, 3) of the nodes that carry continuum, here with the ghosts' inside share."""
-        self.exchange.scatter(self.fine.ghost_mass_at_nodes(self.fine.share), mass)
-        return mass
-
-    def _displace(self, increment):
-        """Add an increment (owned nodes, 3) to the displacements, prescribed motion imposed; the continuum force follows."""
-        if self.moves_prescribed:
-            fixed, time = self.body.fixed, self.coupled.time
-            mean = 0.5 * (self.body.prescribed_velocity(time) + self.body.prescribed_velocity(time + self.step))
-            increment[fixed] = self.step * mean[fixed]
-        self.body.displacement[:] += increment
-        self.update_continuum_force()
-
-    def update_continuum_force(self) -> None:
-        """Loads minus internal force (owned nodes, 3) at the present displacements, N (collective)."""
-        self.continuum_force = self.external - self.body.internal_force()
-        if self._stiff_edge:
-            nodal = self.exchange.gather(self.body.displacement)
-            edge = self.fine.edge_stiffness
-            force = np.zeros_like(nodal) if edge is None else (edge @ nodal.ravel()).reshape(-1, 3)
-            self.exchange.scatter(-force, self.continuum_force)
-
-    def _finish(self, increment, velocity_before, link):
-        """Impose prescribed velocities and book the work of the coarse step (trapezoidal sums)."""
-        velocity = self.body.velocity
-        if self.moves_prescribed:
-            fixed = self.body.fixed
-            velocity[fixed] = self.body.prescribed_velocity(self.coupled.time + self.step)[fixed]
-        if self.damping:
-            self.lost += 0.5 * self.damping * np.vdot(self.mass * (velocity_before + velocity), increment)
-        self.external_work += np.vdot(self.external, increment)
-        self.link_work += 0.5 * np.vdot(self.link + link, increment)
-        self.link = link
-
-    def assign(self, owned, nodal, which):
-        """Write the rows `which` of values at the needed nodes into the owners' rows (collective)."""
-        change = np.where(which[:, None], nodal - self.exchange.gather(owned), 0.0)
-        self.exchange.scatter(change, owned)
-
-    def place_covered(self, velocities: bool = False):
-        """Give covered nodes the projection of the particles, nodes with continuum mass held (collective)."""
-        fine, body = self.fine, self.body
-        pairs = [(body.displacement, fine.displacement())]
-        if velocities:
-            pairs.append((body.velocity, fine.velocity()))
-        for owned, values in pairs:
-            self.assign(owned, fine.fit_covered(values, self.exchange.gather(owned)), self.covered)
-
-    def advance(self) -> None:
-        """Take one coarse step (collective)."""
-        raise NotImplementedError
-
-    def carried(self) -> list[np.ndarray]:
-        """Arrays beyond the motion of nodes and particles that one coarse step hands to the next."""
-        return []
-
-    def start_from_state(self) -> None:
-        """Bring everything else in line with displacements, velocities and `carried` arrays that were set from outside."""
-        body, gather = self.body, self.exchange.gather
-        self.update_continuum_force()
-        self.fine.follow_mesh(gather(body.displacement), gather(body.velocity), gather(body.acceleration))
-
-    def energies(self) -> np.ndarray:
-        """Kinetic, strain, damping loss, external work and work received from the particles (J); this rank's part."""
-        body = self.body
-        kinetic = 0.5 * np.vdot(self.mass * body.velocity, body.velocity)
-        strain = 0.5 * np.vdot(body.displacement, self.external - self.continuum_force)
-        return np.array([kinetic, strain, self.lost, self.external_work, self.link_work])
-
-
-class PaperVariant(_Variant):
+class PaperVariant(Rule):
     """Li & Wan (2010), eqs 25-34: all nodes are coarse unknowns, F(N d + Q q) in the covered block."""
 
     total_motion = True  # forces at u = N d + Q q, otherwise at q
@@ -173,7 +79,7 @@ class ResyncVariant(PaperVariant):
     resynchronise = True
 
 
-class RespaVariant(_Variant):
+class RespaVariant(Rule):
     """Impulse multi-stepping: continuum kicks at coarse times, interface nodes move with the particles in between."""
 
     def __init__(self, coupled):
@@ -203,7 +109,7 @@ class RespaVariant(_Variant):
         self._finish(increment, before, self.link)
 
 
-class MultiplierVariant(_Variant):
+class MultiplierVariant(Rule):
     """Ghosts are particles; multipliers tie their velocities to the mesh in every substep (Gravouil & Combescure 2001)."""
 
     KEPT = 0.3  # least part of a node's continuum mass that is left when the ghosts' outside mass is taken out of it
@@ -214,7 +120,6 @@ class MultiplierVariant(_Variant):
             1.0 - self.fine.share
         )  # of the ghosts' outside parts: they carry it themselves
         weight *= [*self.body.gravity_acceleration, 0.0]
-        self.external = self.external.copy()
         self.exchange.scatter(-weight, self.external)
         self.update_continuum_force()
         self._mobility = 0.5 * self.step / self.damper * self.inverse_mass  # link force to velocity, s/kg
@@ -252,4 +157,84 @@ class MultiplierVariant(_Variant):
         self._finish(increment, before, link)
 
 
-VARIANTS = {"paper": PaperVariant, "resync": ResyncVariant, "respa": RespaVariant, "multiplier": MultiplierVariant}
+class SubcyclingVariant(Rule):
+    """Interface nodes take the particles' steps, their neighbours move evenly meanwhile (see `bridge.subcycling`)."""
+
+    ATTRIBUTES = (*Rule.ATTRIBUTES, "_lost", "_work")
+
+    def __init__(self, coupled):
+        super().__init__(coupled)
+        body, fine, exchange = self.body, self.fine, self.exchange
+        exchange.scatter(fine.ghost_mass_at_nodes(fine.share) * [*body.gravity_acceleration, 0.0], self.external)
+        self.update_continuum_force()
+        mass = np.where(self.inverse_mass > 0.0, self.mass, 0.0)
+        stiffness = body.stiffness_matrix(exchange.nodes[fine.interface])
+        fine.set_nodes(exchange.gather(mass), exchange.gather(self.inverse_mass), stiffness)
+        marked, on = np.zeros((len(exchange.nodes), 1)), np.zeros((len(mass), 1))
+        marked[fine.interface] = 1.0
+        exchange.scatter(marked, on)
+        self._on = np.flatnonzero(on)
+        self._lost, self._work = np.zeros(1), np.zeros(1)
+        self._mesh = Mesh(
+            mass, self.inverse_mass, self.external, self.continuum_force, *(np.zeros_like(mass) for _ in range(3)),
+            body.displacement, body.velocity, body.acceleration, np.flatnonzero(on == 0.0), self._lost, self._work,
+        )  # fmt: skip
+        self._alone = body.comm.size == 1 and coupled.soil.count > 0
+        if self._alone:
+            self._stiffness = blocks(body.stiffness_matrix(np.arange(len(mass))) + self._edge_stiffness())
+
+    def _edge_stiffness(self) -> sparse.csr_matrix:
+        """Contacts of ghosts on the outline, as a matrix of all nodes (of one rank)."""
+        size, edge = 3 * len(self.mass), self.fine.edge_stiffness
+        if edge is None:
+            return sparse.csr_matrix((size, size))
+        places, edge = (3 * self.exchange.nodes[:, None] + np.arange(3)).ravel(), edge.tocoo()
+        return sparse.csr_matrix((edge.data, (places[edge.row], places[edge.col])), shape=(size, size))
+
+    def carried(self) -> list[np.ndarray]:
+        return [self.fine.nodes.link]
+
+    def run(self, steps: int) -> None:
+        if self._alone and not self.moves_prescribed:
+            self.fine.run_coarse(self._mesh, self._stiffness, self._on, steps, self.coupled.substeps)
+            self.coupled.count(steps)
+        else:
+            super().run(steps)
+
+    def advance(self) -> None:
+        velocity, fixed, time = self.body.velocity, self.body.fixed, self.coupled.time
+        if self.moves_prescribed:
+            end = self.body.prescribed_velocity(time + self.step)[fixed]
+            velocity[fixed] = 0.5 * (self.body.prescribed_velocity(time)[fixed] + end)
+        if self._alone:
+            self.fine.run_coarse(self._mesh, self._stiffness, self._on, 1, self.coupled.substeps)
+        else:
+            self._advance_together()
+        if self.moves_prescribed:
+            velocity[fixed] = end
+
+    def _advance_together(self) -> None:
+        """The step of `bridge.subcycling.run_coarse` on several ranks."""
+        body, gather, mesh, on = self.body, self.exchange.gather, self._mesh, self._on
+        move_others(mesh, self.damping, self.step)
+        slope = body.internal_force(mesh.increment) / -self.step
+        found = self.fine.run_subcycled(gather(body.velocity), gather(mesh.force), gather(slope), self.coupled.substeps)
+        nodal = np.zeros((len(self.mass), 12))
+        self.exchange.scatter(found, nodal)
+        moved, faster, impulse, link = np.hsplit(nodal, 4)
+        body.displacement[:] += moved
+        body.velocity[:] += faster
+        mesh.impulse[on], mesh.link[on] = impulse[on], link[on]
+        mesh.work[0] += np.vdot(mesh.external, moved)
+        finish(mesh, self.internal_force(), self.damping, self.step)
+
+    def energies(self) -> np.ndarray:
+        result = super().energies()
+        result[2:4] = self._lost[0] + self.fine.nodes.lost[0], self._work[0]
+        return result
+
+
+VARIANTS = {
+    "paper": PaperVariant, "resync": ResyncVariant, "respa": RespaVariant, "multiplier": MultiplierVariant,
+    "subcycling": SubcyclingVariant,
+}  # fmt: skip

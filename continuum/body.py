@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sparse
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
@@ -216,6 +217,14 @@ class Body:
         self._trial.x.scatter_forward()
         _compat.assemble_into(self._result, self._internal)
         return self._result_values.copy()
+
+    def stiffness_matrix(self, nodes: np.ndarray) -> sparse.csr_matrix:
+        """Stiffness among nodes of any rank, given by ascending global index, with all components (collective)."""
+        places = (self.components * np.asarray(nodes)[:, None] + np.arange(self.components)).ravel()
+        among = PETSc.IS().createGeneral(places.astype(PETSc.IntType), comm=MPI.COMM_SELF)
+        (block,) = self._matrix.createSubMatrices([among], [among])
+        start, column, value = block.getValuesCSR()
+        return sparse.csr_matrix((value, column, start), shape=block.getSize())
 
     def external_force(self) -> np.ndarray:
         """Constant loads (n_owned, components): tractions and body force on the uncovered part; not to be written."""

@@ -20,13 +20,13 @@ SHORT: list[dict[str, Any]] = [
     *({"region": region, "moduli": "paper"} for region in ("6x3", "7x3.5")),
     *({"region": "8x4", "substeps": m} for m in (1, 2)),
     {"region": "8x4", "mesh": "graded"},
-    *({"region": "8x4", "variant": variant} for variant in ("respa", "resync", "paper")),
+    *({"region": "8x4", "variant": variant} for variant in ("multiplier", "respa", "resync", "paper")),
 ]
 LONG: list[dict[str, Any]] = [
     {"region": region, "moduli": moduli, "variant": variant, "substeps": substeps}
     for region in REGIONS
     for moduli in ("packing", "paper")
-    for variant in ("respa", "multiplier", "resync", "paper")
+    for variant in ("subcycling", "respa", "multiplier", "resync", "paper")
     for substeps in ((1, 2) if variant == "paper" else (1, 2, 5))
 ] + [
     {"region": region, "mesh": mesh, "element_size": size}

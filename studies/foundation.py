@@ -24,7 +24,7 @@ import numpy as np
 from studies.options import NOT_NEGATIVE, POSITIVE, SHARE, check, parameter, size_in_metres
 
 TITLE = "Foundation under a rigid strip plate: particles, continuum and both (Li & Wan 2010)"
-METHODS, VARIANTS = ("dem", "bridging", "fem"), ("paper", "resync", "respa", "multiplier")
+METHODS, VARIANTS = ("dem", "bridging", "fem"), ("paper", "resync", "respa", "multiplier", "subcycling")
 WIDTH, DEPTH = 18.0, 9.0  # m, the soil; its surface is y = DEPTH
 LATTICE_RADII = {"A": 0.05, "B": 0.03}  # m
 RANDOM_RADII, POROSITY = (0.02, 0.05), 0.16  # of assembly C; m, -
@@ -55,7 +55,7 @@ class Parameters:
         "packing", "Elastic moduli of the continuum: of the packing's contacts, or as printed in the paper.",
         choices=("packing", "paper"),
     )  # fmt: skip
-    variant: str = parameter("multiplier", "Form of the bridging-scale method.", choices=VARIANTS)
+    variant: str = parameter("subcycling", "Form of the bridging-scale method.", choices=VARIANTS)
     speed: float = parameter(1.0, "Downward speed of the plate.", "m/s", POSITIVE)
     displacement: float = parameter(
         0.06, "Displacement of the plate at the end.", "m", POSITIVE, limits=(0, 0.5 * DEPTH)

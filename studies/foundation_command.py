@@ -15,8 +15,8 @@ HELP = f"""{TITLE}.
 The discs' constants are those of the paper's table 1. Rolling works over twice the reduced radius, so that the rolling
 stiffness of a contact is r^2 k_r + k_w as in the paper's eq 24. The default region of 6 m x 3 m covers whole elements;
 7x3.5 holds exactly the 2426 (A) and 6765 (B) discs of the paper. The paper gives neither damping nor time steps; after
-the peak the load depends on both, and on any perturbation, by about 30 per cent. The variants multiplier and
-respa are equally accurate; the first balances energy better, the second keeps momentum to rounding.
+the peak the load depends on both, and on any perturbation, by about 30 per cent. The variants subcycling,
+multiplier and respa are equally accurate; the first keeps momentum to rounding and balances energy at any number of substeps.
 """
 
 

@@ -181,7 +181,7 @@ def doubts(energy: dict[str, float]) -> list[str]:
     if gain > LARGEST_GAIN:
         found.append(
             f"the interface has put {100 * gain:.1f} % of the external work into the system: the scheme grows, do not trust "
-            "the results; take variant=multiplier, fewer substeps or more damping"
+            "the results; take variant=subcycling, fewer substeps or more damping"
         )
     if not error <= LARGEST_ERROR:
         found.append(f"the energy balance is off by {100 * error:.1f} % of the external work; take a smaller step")

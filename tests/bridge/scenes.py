@@ -34,6 +34,7 @@ def scene(
     plate=None,
     micro_inertia="scaled",
     gravity=(0.0, 0.0),
+    velocity=(0.0, 0.0),
     comm=MPI.COMM_WORLD,
     **options,
 ):
@@ -48,7 +49,9 @@ def scene(
     density = 2600.0 * np.pi * radius**2 / cell_area(kind, radius)
     body = Body(domain, CosseratModuli(stiffness, couple, density), micro_inertia, radius, excluded=region)
     for side in fixed:
-        body.fix(side, "xyr")
+        body.fix(side, "r")
+        body.prescribe(side, "x", velocity[0])
+        body.prescribe(side, "y", velocity[1])
     body.gravity(gravity)
     if plate is not None:
         soil.add_wall(Plate.rectangle(*plate[:2], velocity=plate[2]))

@@ -113,9 +113,9 @@ def test_a_variant_that_may_grow_is_warned_of():
         MODELS["bridging"](Parameters(radius=0.2, variant="resync", damping=1.0), Stopwatch())
 
 
-@pytest.mark.parametrize("variant", ["respa", "multiplier"])
+@pytest.mark.parametrize("variant", ["subcycling", "respa", "multiplier"])
 def test_the_sound_variants_are_warned_of_near_the_critical_step_alone(variant):
-    """Neither needs damping; neither has been seen to grow up to 0.7 of the continuum's critical step."""
+    """None needs damping up to 0.7 of the continuum's critical step."""
     p = Parameters(radius=0.2, variant=variant, damping=0.0, region="6x3")
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
