@@ -1,4 +1,4 @@
-"""Discrete elements in Numba: discs with rolling resistance, rigid plates, neighbour list, explicit stepping."""
+"""Discrete elements in Numba: discs and spheres, contact laws and bonds, rigid plates, neighbour list, explicit stepping."""
 
 from pathlib import Path
 
@@ -7,9 +7,13 @@ from particles.caches import drop_stale
 drop_stale(Path(__file__).parent)
 
 from particles.assembly import Assembly  # noqa: E402
-from particles.laws import LiChu  # noqa: E402
+from particles.cell import PeriodicCell  # noqa: E402
+from particles.laws import Bonded, HertzMindlin, LiChu, UserLaw, linear_sliding  # noqa: E402
 from particles.motion import Unstable  # noqa: E402
 from particles.packing import random_dense  # noqa: E402
 from particles.walls import Plate  # noqa: E402
 
-__all__ = ["Assembly", "LiChu", "Plate", "Unstable", "random_dense"]
+__all__ = [
+    "Assembly", "Bonded", "HertzMindlin", "LiChu", "PeriodicCell", "Plate", "Unstable", "UserLaw", "linear_sliding",
+    "random_dense",
+]  # fmt: skip

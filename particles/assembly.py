@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from particles import energies, listing, motion, network, stability, walls
+from particles.cell import PeriodicCell, checked_gradient, nearest_image
 from particles.columns import aligned
 from particles.contacts import SCRATCH
 from particles.dispatch import Direct
@@ -46,6 +47,7 @@ class Assembly:
         law: contact law, or a mapping {(a, b): law} for all pairs of material ids a <= b.
         skin: reach of the neighbour list beyond contact, m (default 0.12 mean radii).
         materials: (n,) material ids 0, 1, ... (with a mapping of laws).
+        cell: periodic cell; it belongs to this assembly from now on.
 
     Raises:
         ValueError: shapes, signs or numbers that make no sense, or a pair of materials without a law.
@@ -53,12 +55,15 @@ class Assembly:
 
     def __init__(
         self, positions: Any, radii: Any, density: Any = 2600.0, law: Any = None, skin: float | None = None,
-        materials: Any = None,
+        materials: Any = None, cell: PeriodicCell | None = None,
     ) -> None:  # fmt: skip
         count = len(positions)
         shape = np.shape(positions)
         self.axes = shape[1] if len(shape) == 2 and shape[1] in (2, 3) else 2
         self.freedoms = 3 * (self.axes - 1)
+        if cell is not None and cell.axes != self.axes:
+            raise ValueError(f"cell has {cell.axes} axes, the positions have {self.axes}: they must be the same")
+        self.cell = cell
         self._reference = _finite("positions", positions, (count, self.axes))
         self._radii = _finite("radii", np.broadcast_to(radii, (count,)) if np.ndim(radii) == 0 else radii, (count,))
         if not (self._radii > 0.0).all():
@@ -126,6 +131,7 @@ class Assembly:
             angular=rows(space), torque=rows(space), nimbleness=nimbleness, start=np.zeros(count + 1, dtype=np.int32),
             first=none, second=none, history=np.zeros((len(self._laws.columns), 0)), scratch=aligned((SCRATCH,)),
             material=self._laws.materials, external=None, walls=None, held=None, breaks=None,
+            cell=None if self.cell is None else self.cell.arrays,
             listed=position[:, : self.axes].copy(), sums=np.zeros(SUMS), clock=clock,
         )  # fmt: skip
 
@@ -134,7 +140,8 @@ class Assembly:
         system = self._system
         first, second = system.first[: system.start[-1]], system.second[: system.start[-1]]
         axes = self.axes
-        same = np.flatnonzero((system.position[first, :axes] == system.position[second, :axes]).all(axis=1))
+        branch = nearest_image(self.cell, system.position[second, :axes] - system.position[first, :axes])
+        same = np.flatnonzero((branch == 0.0).all(axis=1))
         if same.size:
             a, b = self._ids[first[same[0]]], self._ids[second[same[0]]]
             raise ValueError(f"positions of particles {min(a, b)} and {max(a, b)} are the same; move one of them")
@@ -297,6 +304,34 @@ class Assembly:
             self._system.angular[rows, :3] *= free[:, 3:]
         self._system = self._system._replace(held=held)
 
+    def deform(self, velocity_gradient: Any) -> None:
+        """Deform the periodic cell at a constant velocity gradient L (axes, axes), 1/s, from now on.
+
+        The particles get the change of the field L x on top of their velocities, so that the deformation is homogeneous
+        from the start; its kinetic energy counts as imposed. The edges' work is `cell_work` among the energies.
+
+        Raises:
+            ValueError: there is no cell, or L does not keep the form of its edges (upper triangular).
+        """
+        if self.cell is None:
+            raise ValueError("velocity_gradient needs a periodic cell: give the assembly one")
+        gradient = checked_gradient(self.cell, velocity_gradient)
+        change = gradient - self.cell.velocity_gradient
+        velocities = self.velocities
+        velocities[:, : self.axes] += self.positions @ change.T
+        self.velocities = velocities
+        self.cell.arrays.gradient[: self.axes, : self.axes] = gradient
+
+    def cell_stress(self) -> np.ndarray:
+        """Mean stress (axes, axes) in the periodic cell, Pa, tension positive; see `particles.network.cell_stress`.
+
+        Raises:
+            ValueError: there is no cell.
+        """
+        if self.cell is None:
+            raise ValueError("cell_stress needs a periodic cell: give the assembly one")
+        return network.cell_stress(self, self.cell)
+
     def bond(self, reach: float = 0.02, pairs: Any = None) -> int:
         """Bond pairs as they are now, without force (`Bonded` law; Rojek & Onate 2007, section 3.3).
 
@@ -325,7 +360,8 @@ class Assembly:
         system = self._system
         count = int(system.start[-1])
         first, second = system.first[:count].astype(np.int64), system.second[:count].astype(np.int64)
-        distance = np.linalg.norm(system.position[second, : self.axes] - system.position[first, : self.axes], axis=1)
+        branch = system.position[second, : self.axes] - system.position[first, : self.axes]
+        distance = np.linalg.norm(nearest_image(self.cell, branch), axis=1)
         sums = system.position[first, RADIUS] + system.position[second, RADIUS]
         wanted = distance <= (1.0 + reach) * sums
         if pairs is not None:
@@ -470,6 +506,8 @@ class Assembly:
             listing.rebuild(self)
         if self._primed != (terms[4:],):
             _hold_plates(self._system.walls)
+            if self.cell is not None:
+                self.cell.arrays.rate[:] = self.cell.arrays.gradient @ self.cell.arrays.matrix
             for now, predicted in (("velocity", "predicted"), ("spin", "predicted_spin")):
                 if getattr(self._system, predicted) is not None:
                     getattr(self._system, predicted)[:] = getattr(self._system, now)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from numba import njit
 
+from particles.cell import image_in_plane, image_in_space, image_numbers
 from particles.columns import BLOCK, STRIDE, WIDTH, gather, load_column, scatter, store_column
 from particles.kinematics import touch_in_plane, touch_in_space
 from particles.laws.touch import NOTHING, law_at, respond
-from particles.system import BREAKING, INLINE, INNER, KERNEL, SPENT, TIME
-from particles.vectors import cross, load, moved, plus, present, scaled, store
+from particles.system import BREAKING, CELL_POWER, INLINE, INNER, KERNEL, SPENT, TIME
+from particles.vectors import cross, dot, load, moved, plus, present, scaled, store
 
 # Places in the scratch array: differences of the rows of a pair (j minus i), each followed by what is needed of i alone
 _PLACE, _RADIUS = 0, 4 * STRIDE
@@ -23,7 +24,8 @@ _PREDICTED, _RATE = 11 * STRIDE, 15 * STRIDE
 _SPIN_MORE, _SPIN = 16 * STRIDE, 20 * STRIDE  # in space
 _RATES_MORE, _RATES = 23 * STRIDE, 27 * STRIDE
 _FORCE, _TORQUE, _OTHER = 30 * STRIDE, 33 * STRIDE, 36 * STRIDE  # on i; torque on j (in the plane: minus force and torque)
-_SPENT = 39 * STRIDE
+_IMAGE = 39 * STRIDE  # power of the moving cell
+_SPENT = 40 * STRIDE
 _HISTORY = _SPENT + SPENT * STRIDE
 HISTORIES, NUMBERS = 24, 40  # most columns of history, most numbers in a law
 _NUMBERS = _HISTORY + HISTORIES * STRIDE
@@ -90,13 +92,21 @@ def _rates_in_space(scratch, q, viscous):
 
 
 @njit(**INLINE)
-def _in_plane(scratch, q, step, viscous, law, blank):
+def _book_image(image, scratch, q, power):
+    if image is not None:
+        scratch[_IMAGE + q] += power
+
+
+@njit(**INLINE)
+def _in_plane(scratch, q, step, viscous, law, blank, image):
     """One pair of discs: its touch, the law's response, forces and torques to their columns."""
     bx, by, _ = _triple(scratch, _PLACE + q)
     dx, dy, more = _triple(scratch, _MOTION + q)
+    bx, by, wx, wy = image_in_plane(image, bx, by)
+    rx, ry, rate_i, rate_j = _rates_in_plane(scratch, q, viscous)
     radius, turn = scratch[_RADIUS + q], scratch[_TURN + q]
     touch = touch_in_plane(
-        bx, by, step * dx, step * dy, step * turn, step * (turn + more), _rates_in_plane(scratch, q, viscous),
+        bx, by, step * (dx + wx), step * (dy + wy), step * turn, step * (turn + more), (rx + wx, ry + wy, rate_i, rate_j),
         radius, radius + scratch[_PLACE + 3 * STRIDE + q], 1.0 / scratch[_LIGHTNESS + q],
     )  # fmt: skip
     response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))
@@ -106,25 +116,29 @@ def _in_plane(scratch, q, step, viscous, law, blank):
     arm = 0.5 * (touch.distance + touch.radii[0] - touch.radii[1])
     store(scratch, _FORCE + q, STRIDE, (px, py, couple + arm * shear))
     store(scratch, _OTHER + q, STRIDE, (px, py, couple - (touch.distance - arm) * shear))
+    _book_image(image, scratch, q, px * wx + py * wy)
     store(scratch, _SPENT + q, STRIDE, plus(load(scratch, _SPENT + q, STRIDE, NOTHING), response.spent))
     store(scratch, _HISTORY + q, STRIDE, response.history)
 
 
 @njit(**INLINE)
-def _in_space(scratch, q, step, viscous, law, blank):
+def _in_space(scratch, q, step, viscous, law, blank, image):
     """The same for a pair of spheres."""
     radius = scratch[_RADIUS + q]
     spin = _triple(scratch, _SPIN + q)
     rate, rate_i, rate_j = _rates_in_space(scratch, q, viscous)
+    branch, drift = image_in_space(image, _triple(scratch, _PLACE + q))
     touch = touch_in_space(
-        _triple(scratch, _PLACE + q), scaled(step, _triple(scratch, _MOTION + q)), scaled(step, spin),
-        scaled(step, plus(spin, _triple(scratch, _SPIN_MORE + q))), rate, rate_i, rate_j,
+        branch, scaled(step, plus(_triple(scratch, _MOTION + q), drift)), scaled(step, spin),
+        scaled(step, plus(spin, _triple(scratch, _SPIN_MORE + q))), plus(rate, drift), rate_i, rate_j,
         radius, radius + scratch[_PLACE + 3 * STRIDE + q], 1.0 / scratch[_LIGHTNESS + q],
     )  # fmt: skip
     response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))
     arm = 0.5 * (touch.distance + touch.radii[0] - touch.radii[1])
     moment = cross(touch.normal, response.tangential)
-    store(scratch, _FORCE + q, STRIDE, moved(response.tangential, -response.normal, touch.normal))
+    force = moved(response.tangential, -response.normal, touch.normal)
+    store(scratch, _FORCE + q, STRIDE, force)
+    _book_image(image, scratch, q, dot(force, drift))
     store(scratch, _TORQUE + q, STRIDE, moved(response.couple, arm, moment))
     store(scratch, _OTHER + q, STRIDE, moved(scaled(-1.0, response.couple), touch.distance - arm, moment))
     store(scratch, _SPENT + q, STRIDE, plus(load(scratch, _SPENT + q, STRIDE, NOTHING), response.spent))
@@ -132,14 +146,14 @@ def _in_space(scratch, q, step, viscous, law, blank):
 
 
 @njit(**KERNEL)
-def _respond_all(scratch, count, step, space, viscous, law, table, blank):
+def _respond_all(scratch, count, step, space, viscous, law, table, blank, image):
     """The law for all pairs of a batch (`space`, `viscous`: None or anything)."""
     for q in range(count):
         here = law_at(law, table, scratch, _NUMBERS + q)
         if space is None:
-            _in_plane(scratch, q, step, viscous, here, blank)
+            _in_plane(scratch, q, step, viscous, here, blank, image)
         else:
-            _in_space(scratch, q, step, viscous, here, blank)
+            _in_space(scratch, q, step, viscous, here, blank, image)
 
 
 @njit(**KERNEL)
@@ -204,7 +218,8 @@ def pair_forces(system, terms, step):
     scratch, history = system.scratch, system.history
     first, second = system.first, system.second
     pairs = system.start[system.position.shape[0]]
-    scratch[_SPENT:_HISTORY] = 0.0
+    image = image_numbers(system.cell)
+    scratch[_IMAGE:_HISTORY] = 0.0
     for at in range(0, pairs, WIDTH):
         count = min(WIDTH, pairs - at)
         _gather_pairs(
@@ -216,7 +231,8 @@ def pair_forces(system, terms, step):
         for k in range(history.shape[0]):
             load_column(scratch, _HISTORY + k * STRIDE, history, k, at)
         _respond_all(
-            scratch, count, step, present(system.spin), present(system.predicted), terms.law, terms.table, terms.blank
+            scratch, count, step, present(system.spin), present(system.predicted), terms.law, terms.table, terms.blank,
+            image,
         )
         _log_breaks(
             system.breaks, scratch, history, system.sums, system.position, system.clock[TIME], present(system.spin), first,
@@ -228,3 +244,5 @@ def pair_forces(system, terms, step):
     for k in range(SPENT):
         for c in range(WIDTH):
             system.sums[k] += scratch[_SPENT + k * STRIDE + c]
+    for c in range(WIDTH):
+        system.sums[CELL_POWER] += scratch[_IMAGE + c]

@@ -28,6 +28,7 @@ _WORKS = {
     "external_work": entries.EXTERNAL,
     "wall_work": entries.WALLS,
     "held_work": entries.HELD,
+    "cell_work": entries.CELL,
 }
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from particles import neighbours, walls
+from particles.cell import PeriodicCell, reduce_tilt
 from particles.columns import aligned
 from particles.motion import Unstable
 from particles.system import RADIUS, TRAVEL, Walls
@@ -32,6 +33,9 @@ def rebuild(soil: Assembly) -> None:
         row = int(np.flatnonzero(~finite)[0])
         raise Unstable(f"particle {soil._ids[row]} has no finite position or velocity at t={soil.time:g} s")
     width = 2.0 * soil._radii.max(initial=0.0) + soil.skin
+    if soil.cell is not None:
+        reduce_tilt(soil.cell)
+        check_room(soil.cell, width)
     old_row_of = np.arange(soil.count, dtype=np.int32)
     changed: dict[str, Any] = {}
     if soil.count and (
@@ -41,7 +45,7 @@ def rebuild(soil: Assembly) -> None:
     position = changed.get("position", system.position)
     capacity = int(1.1 * system.first.size) + 3 * soil.count + 16
     start, first, second = neighbours.list_pairs(
-        position, position[:, RADIUS], soil._ghost[soil._ids], width, soil.skin, axes, capacity
+        position, position[:, RADIUS], soil._ghost[soil._ids], width, soil.skin, axes, capacity, system.cell
     )
     history = aligned((len(soil._laws.columns), first.size))
     neighbours.carry_history(
@@ -51,17 +55,30 @@ def rebuild(soil: Assembly) -> None:
     if system.walls is not None:
         changed["walls"] = _list_walls(soil, position, system.walls, old_row_of)
     system.clock[TRAVEL] = 0.0
+    if system.cell is not None:
+        system.cell.listed[:] = system.cell.matrix
     soil._system = system._replace(**changed)
     soil.rebuilds += 1
     if soil._held:
         soil._compose_held()
 
 
+def check_room(cell: PeriodicCell, width: float) -> None:
+    """Raise a ValueError where a periodic cell is less than three widths (m) of the neighbour search long."""
+    for k in np.flatnonzero(cell.periodic):
+        length = neighbours.cell_width(cell.arrays, int(k))
+        if length < 3.0 * width:
+            raise ValueError(
+                f"cell is {length:.3g} m wide along axis {k}; a periodic axis must be at least three times the largest "
+                f"diameter and the skin, {3.0 * width:.3g} m: take a larger cell or a smaller skin"
+            )
+
+
 def _sort(soil: Assembly, width: float, changed: dict[str, Any]) -> np.ndarray:
     """Sort the rows by cell; the old row of each new one."""
     system = soil._system
     soil._file_breaks()
-    cell, number = neighbours.cell_grid(system.position, width, soil.axes)
+    cell, number = neighbours.cell_grid(system.position, width, soil.axes, system.cell)
     order, _ = neighbours.sort_by_cell(cell, int(number.prod()))
     for name in _ROWS:
         rows = getattr(system, name)

@@ -18,9 +18,12 @@ import math
 import numpy as np
 from numba import njit
 
+from particles.cell import move_cell
 from particles.contacts import pair_forces
-from particles.neighbours import largest_distance
+from particles.neighbours import travelled
 from particles.system import (
+    CELL,
+    CELL_POWER,
     EXTERNAL,
     GRAVITY,
     HELD,
@@ -307,6 +310,7 @@ def kick_drift(system, terms, step):
 def _arrive(system, fastest, step, weight):
     held = _restore(system.held, system.spin, system, weight, step)
     plates = move_plates(system.walls, step)
+    move_cell(system.cell, step)
     system.clock[TRAVEL] += step * max(math.sqrt(max(fastest, held)), plates)
     system.clock[TIME] += step
 
@@ -346,12 +350,13 @@ def evaluate(system, terms, step):
     Row velocities must be those of the middle of the step (step times velocity = displacement since the last evaluation).
     """
     sums = system.sums
-    power = sums[POWER]
-    sums[POWER] = 0.0
+    power, cell_power = sums[POWER], sums[CELL_POWER]
+    sums[POWER] = sums[CELL_POWER] = 0.0
     _load(system.force, system.torque, system.lightness, terms.gravity, system.external)
     pair_forces(system, terms, step)
     wall_forces(system, terms, step)
     sums[VISCOUS] += 0.5 * step * (power + sums[POWER])
+    sums[CELL] += 0.5 * step * (cell_power + sums[CELL_POWER])
 
 
 @njit(**INNER)
@@ -381,7 +386,7 @@ def stale(system):
     clock = system.clock
     if clock[TRAVEL] <= clock[TRAVEL_LIMIT]:
         return False
-    clock[TRAVEL] = max(largest_distance(system.position, system.listed), _plates_travel(system.walls))
+    clock[TRAVEL] = max(travelled(system.position, system.listed, system.cell), _plates_travel(system.walls))
     return not clock[TRAVEL] <= clock[TRAVEL_LIMIT]
 
 

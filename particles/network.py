@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from particles import motion, neighbours, walls
+from particles.cell import PeriodicCell, nearest_image
 from particles.dispatch import Direct
 from particles.laws.touch import FLAT, Touch, respond, with_numbers
 from particles.system import INLINE, OUTER, PLATE_DX, PLATE_DY, RADIUS, System, Terms
@@ -144,7 +145,8 @@ def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray,
         skin = 2.0 * contact_range * soil._radii.max()
         width = 2.0 * soil._radii.max() + skin
         start, first, second = neighbours.list_pairs(
-            system.position, system.position[:, RADIUS], soil._ghost[soil._ids], width, skin, axes, 4 * soil.count + 16
+            system.position, system.position[:, RADIUS], soil._ghost[soil._ids], width, skin, axes, 4 * soil.count + 16,
+            system.cell,
         )
         history = np.zeros((len(soil._laws.columns), first.size))
         rows = np.arange(soil.count, dtype=np.int32)
@@ -154,7 +156,7 @@ def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray,
     count = int(start[-1])
     first, second = first[:count].astype(np.int64), second[:count].astype(np.int64)
     reach = system.position[first, RADIUS] + system.position[second, RADIUS]
-    branch = system.position[second, :axes] - system.position[first, :axes]
+    branch = nearest_image(soil.cell, system.position[second, :axes] - system.position[first, :axes])
     near = reach * (1.0 + contact_range) > np.linalg.norm(branch, axis=1)
     return first[near], second[near], history[:, :count][:, near]
 
@@ -165,7 +167,7 @@ def contacts(soil: Assembly, with_walls: bool = False, contact_range: float = 0.
         raise ValueError(f"contact_range={contact_range} must be zero or positive (share of the radii)")
     system, axes = soil._system, soil.axes
     i, j, history = pairs(soil, contact_range)
-    branch = system.position[j, :axes] - system.position[i, :axes]
+    branch = nearest_image(soil.cell, system.position[j, :axes] - system.position[i, :axes])
     distance = np.linalg.norm(branch, axis=1)
     radii = system.position[:, RADIUS]
     overlap = radii[i] + radii[j] - distance
@@ -178,9 +180,9 @@ def contacts(soil: Assembly, with_walls: bool = False, contact_range: float = 0.
     if with_walls and system.walls is not None:
         touching = _wall_contacts(soil, contact_range)
         history_of = {name: np.concatenate([found.history[name], touching.history[name]]) for name in found.history}
-        both = [
+        both: Any = (
             history_of if isinstance(a, dict) else np.concatenate([a, b]) for a, b in zip(found, touching, strict=True)
-        ]
+        )
         found = Contacts(*both)
     return found
 
@@ -220,6 +222,16 @@ def _assemble(soil, first, second, plate, normal, overlap, first_arm, second_arm
         tangential = tangential * np.column_stack([-normal[:, 1], normal[:, 0]])
         couple = couple[:, 0]
     return found._replace(force=tangential - push[:, None] * normal, moment=couple)
+
+
+def cell_stress(soil: Assembly, cell: PeriodicCell) -> np.ndarray:
+    """Mean stress (axes, axes) in a periodic cell, Pa: sum of branch (x) force on i over the volume; tension positive.
+
+    Elastic parts of the forces; without the momentum flux of the particles' own motion.
+    """
+    found = contacts(soil)
+    branch = (found.first_arm + found.second_arm)[:, None] * found.normal
+    return branch.T @ found.force / cell.volume
 
 
 class Before(NamedTuple):

@@ -136,7 +136,7 @@ class _Box:
         self.places, self.radii = np.ascontiguousarray(self.places[order]), self.radii[order]
         none = np.zeros(self.radii.size, dtype=bool)
         width = 2.0 * self.radii.max() + skin
-        start, _, second = neighbours.list_pairs(self.places, self.radii, none, width, skin, 2, 4 * self.radii.size)
+        start, _, second = neighbours.list_pairs(self.places, self.radii, none, width, skin, 2, 4 * self.radii.size, None)
         return start, second[: start[-1]]
 
     def settle(self, tolerance: float) -> float:

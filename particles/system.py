@@ -40,9 +40,11 @@ RADIUS = 3  # column of `System.position`
     EXTERNAL,
     WALLS,
     HELD,
-) = range(13)
+    CELL,
+    CELL_POWER,
+) = range(15)
 SPENT = 6  # the first entries are what a contact law books: friction by channel, dashpot power, opened, broken contacts
-SUMS = 13
+SUMS = 15
 
 # Entries of `System.clock`
 TIME, TRAVEL, TRAVEL_LIMIT, SMALLEST_RADIUS = range(4)
@@ -77,6 +79,16 @@ class Held(NamedTuple):
     free: Any  # (held, freedoms) float64: 0 where held, 1 where free
     velocity: Any  # (held, freedoms)
     force: Any  # (held, freedoms)
+
+
+class Cell(NamedTuple):
+    """A periodic cell; unused axes have length one and do not repeat."""
+
+    matrix: Any  # (3, 3) edges as columns, upper triangular, m
+    listed: Any  # (3, 3) the same when the list was built
+    gradient: Any  # (3, 3) velocity gradient, 1/s
+    rate: Any  # (3, 3) change of the edges in the last step over its length, m/s
+    repeats: Any  # (3,) 1 along periodic axes, otherwise 0
 
 
 class Breaks(NamedTuple):
@@ -115,6 +127,7 @@ class System(NamedTuple):
     walls: Any  # None or Walls
     held: Any  # None or Held
     breaks: Any  # None or Breaks
+    cell: Any  # None or Cell
     listed: Any  # (n, 3): positions (in the plane: angles, too) at the last list build
     sums: Any  # (SUMS,): energy sums
     clock: Any  # (4,): time, travel since the list was built, its limit, smallest radius

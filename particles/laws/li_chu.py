@@ -77,7 +77,7 @@ class LiChu:
 
     def without_friction(self) -> LiChu:
         """The same normal contact without sliding and rolling resistance (smooth wall)."""
-        gone = {f"{name}_{kind}": 0.0 for name in CHANNELS for kind in ("stiffness", "damping", "friction")}
+        gone: dict[str, Any] = {f"{name}_{kind}": 0.0 for name in CHANNELS for kind in ("stiffness", "damping", "friction")}
         return replace(self, **gone)
 
     def channel(self, name: str) -> Channel:
@@ -109,7 +109,8 @@ class LiChu:
         viscous = any(law.normal_damping for law in laws)
         return Law(
             float(self.normal_stiffness), float(self.normal_damping) if viscous else None,
-            *(present(name) for name in CHANNELS), self.length_factor, 1.0 if literal else None,
+            present("sliding"), present("rolling"), present("moment"), present("torsion"), self.length_factor,
+            1.0 if literal else None,
         )  # fmt: skip
 
     def is_viscous(self) -> bool:
