@@ -32,6 +32,11 @@ def aligned(shape: tuple[int, ...]) -> np.ndarray:
 # ------------------------------------------------------------------------------------------------- what the moves do
 
 
+def _members(bits: int) -> list[int]:
+    """Numbers of the bits that are set."""
+    return [k for k in range(4) if bits >> k & 1]
+
+
 def gather(scratch, column, rows, first, second, at, own):
     """Rows of pairs at, at + 1, ... to columns: four of differences (second minus first), then components of the first.
 
@@ -41,12 +46,13 @@ def gather(scratch, column, rows, first, second, at, own):
         rows: (n, 4).
         first, second: (pairs,) int32 rows of each pair.
         at: first pair; BLOCK pairs are moved.
-        own: tuple of the components of the first row that are wanted, known when the loop is compiled.
+        own: which components of the first row are wanted, a number with bit 2^k for component k, known when the loop is
+            compiled.
     """
     for c in range(BLOCK):
         for k in range(4):
             scratch[column + k * STRIDE + c] = rows[second[at + c], k] - rows[first[at + c], k]
-        for k, component in enumerate(own):
+        for k, component in enumerate(_members(own)):
             scratch[column + (4 + k) * STRIDE + c] = rows[first[at + c], component]
 
 
@@ -130,9 +136,8 @@ def _gather(own):
         def build(code, scratch, column, rows, first, second, at):
             both = [[code.load(code.row_place(2, index, at, c)) for index in (3, 4)] for c in range(BLOCK)]
             columns = code.transposed([code.builder.fsub(j, i) for i, j in both])
-            if own:
-                firsts = code.transposed([i for i, _ in both])
-                columns += [firsts[component] for component in own]
+            firsts = code.transposed([i for i, _ in both])
+            columns += [firsts[component] for component in _members(own)]
             for k, values in enumerate(columns):
                 code.store(values, code.place(0, code.sum(column, k * STRIDE)))
 
@@ -141,13 +146,13 @@ def _gather(own):
     return move
 
 
-_GATHERS = {own: _gather(own) for own in ((), (2,), (3,), (2, 3), (0, 1, 2))}
+_GATHERS = {own: _gather(own) for own in range(16)}
 
 
-@overload(gather)
+@overload(gather, prefer_literal=True)
 def _compiled_gather(scratch, column, rows, first, second, at, own):
-    if _is_rows(rows) and isinstance(own, types.BaseTuple):
-        move = _GATHERS[tuple(member.literal_value for member in own.types)]
+    if _is_rows(rows) and isinstance(own, types.IntegerLiteral):
+        move = _GATHERS[own.literal_value]
         return lambda scratch, column, rows, first, second, at, own: move(scratch, column, rows, first, second, at)
 
 

@@ -36,17 +36,17 @@ SCRATCH = _NUMBERS + NUMBERS * STRIDE
 def _gather_pairs(scratch, position, velocity, predicted, spin, predicted_spin, first, second, at, count):
     """Rows of a batch to columns; the last block may reach beyond the pairs, into the room that is left for it."""
     for c in range(0, count, BLOCK):
-        gather(scratch, _PLACE + c, position, first, second, at + c, (3,))
+        gather(scratch, _PLACE + c, position, first, second, at + c, 0b1000)
         if spin is None:
-            gather(scratch, _MOTION + c, velocity, first, second, at + c, (2,))
+            gather(scratch, _MOTION + c, velocity, first, second, at + c, 0b0100)
             if predicted is not None:
-                gather(scratch, _PREDICTED + c, predicted, first, second, at + c, (2,))
+                gather(scratch, _PREDICTED + c, predicted, first, second, at + c, 0b0100)
         else:
-            gather(scratch, _MOTION + c, velocity, first, second, at + c, ())
-            gather(scratch, _SPIN_MORE + c, spin, first, second, at + c, (0, 1, 2))
+            gather(scratch, _MOTION + c, velocity, first, second, at + c, 0)
+            gather(scratch, _SPIN_MORE + c, spin, first, second, at + c, 0b0111)
             if predicted is not None:
-                gather(scratch, _PREDICTED + c, predicted, first, second, at + c, ())
-                gather(scratch, _RATES_MORE + c, predicted_spin, first, second, at + c, (0, 1, 2))
+                gather(scratch, _PREDICTED + c, predicted, first, second, at + c, 0)
+                gather(scratch, _RATES_MORE + c, predicted_spin, first, second, at + c, 0b0111)
 
 
 @njit(**KERNEL)

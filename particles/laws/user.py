@@ -83,7 +83,8 @@ class UserLaw:
             raise ValueError(f"constants={constants!r} must be a named tuple of numbers")
         if not np.isfinite(numbers_of(constants)).all():
             raise ValueError(f"constants={constants!r} must be finite numbers")
-        self._law = Law(respond, constants._replace(**{name: float(getattr(constants, name)) for name in constants._fields}))
+        numbers: Any = constants
+        self._law = Law(respond, numbers._replace(**{name: float(getattr(numbers, name)) for name in numbers._fields}))
         self._columns, self._viscous, self._massive = list(columns), bool(viscous), bool(needs_mass)
         self._stiffness, self._stored = stiffness, stored
 
