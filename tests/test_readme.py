@@ -1,13 +1,18 @@
-"""The driver script of the README runs as printed."""
+"""The scripts of the README and of the guides run as printed."""
 
 import re
 from pathlib import Path
 
-README = Path(__file__).parent.parent / "README.md"
+ROOT = Path(__file__).parent.parent
+
+
+def scripts(page):
+    """Python blocks of a page."""
+    return re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
 
 
 def test_the_driver_script_presses_the_plate_in(capsys):
-    (script,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    (script,) = scripts("README.md")
     exec(compile(script.replace("0.06:", "0.02:"), "README.md", "exec"), {})
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     loads = [float(words[2]) for words in lines]
@@ -15,3 +20,13 @@ def test_the_driver_script_presses_the_plate_in(capsys):
     assert all(after > before > 1000.0 for before, after in zip(loads, loads[1:]))  # it hardens until about 38 mm
     errors = [abs(float(words[6])) for words in lines]
     assert max(errors) < 0.01 * 1e3 * loads[-1] * 0.02  # J, against load times displacement
+
+
+def test_the_scripts_on_particles_run_one_after_the_other(capsys):
+    scope = {"__name__": "guide"}
+    for script in scripts("docs/particles.md"):
+        exec(compile(script, "docs/particles.md", "exec"), scope)
+    *impact, balance, _, last = capsys.readouterr().out.splitlines()
+    assert len(impact) == 2  # spins of two spheres, friction and energy balance
+    assert abs(float(balance)) < 1e-3 * 0.5e6 * (0.5e-3) ** 2  # of what the overlap stored
+    assert float(last.split()[-1]) > 0.0  # shear takes work
