@@ -25,7 +25,7 @@ CLOSING = 1.4  # mean overlap falls by this times the relative change of the rad
 ROUGH = 0.02  # the same ratio while density and sizes are still being sought
 SLIGHT = 1e-3  # mean overlap, of the mean radius, that a change of sizes may remove
 MARGIN = 1.002  # radii are drawn inside the range by this factor; the final change of sizes keeps them inside it
-LONGEST = 30_000  # steps of one relaxation
+LONGEST = 15_000  # steps of one relaxation; what has not settled then is about to come apart
 EXCHANGES = 150  # of radii, at most
 
 
@@ -68,7 +68,7 @@ class _Bed:
         self.reach = 0.45 * skin
 
     def settle(self, tolerance: float, most: int = LONGEST, loose: float = 1e-8) -> float:
-        """Relax; mean overlap of the contacts as a share of the mean radius, 0 where it falls below `loose`."""
+        """Relax; mean overlap of the contacts as a share of the mean radius, 0 if that falls below `loose` or never settles."""
         control = np.array([0.1, 0.1, 0.0])
         radius = float(self.radii.mean())
         self.velocity[:] = 0.0
@@ -82,7 +82,7 @@ class _Bed:
             self.list()
             if settled and (steps < 20 or not self.outline.curved):  # tangent planes must have followed
                 break
-        return 0.0 if overlap < loose * radius else overlap / radius
+        return 0.0 if overlap < loose * radius or used >= LONGEST else overlap / radius
 
     def contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows of both particles (second -1: a wall) and overlap (m) of every contact."""
@@ -141,24 +141,21 @@ class _Bed:
 
     def jam(self) -> None:
         """Reduce the sizes until the particles just touch (O'Hern et al. 2003, from above)."""
-        overlap, slope, failures = self.settle(TOLERANCE), CLOSING, 0
-        while overlap == 0.0:
-            self.radii *= 1.0 + SLIGHT
-            overlap = self.settle(TOLERANCE)
-        while overlap > OVERLAP and failures < 5:
-            goal = max(0.2 * overlap, 0.5 * OVERLAP)
-            change = (overlap - goal) / slope
-            before = self.places.copy(), self.radii.copy()
+        overlap, slope, change = 0.0, CLOSING, -SLIGHT
+        for _ in range(60):
+            reached = self.settle(TOLERANCE, loose=0.02 * max(0.2 * overlap, 0.5 * OVERLAP))
+            if not reached > 0.0:  # it came apart, or is about to: back by half of the change, from where it is now
+                change = 0.5 * abs(change)
+                self.radii *= 1.0 + change
+                continue
+            if reached <= OVERLAP:
+                return
+            if overlap > reached and change > 0.0:
+                slope = min(max((overlap - reached) / change, 0.5 * CLOSING), 2.0 * CLOSING)
+            overlap = reached
+            change = (overlap - max(0.2 * overlap, 0.5 * OVERLAP)) / slope
             self.radii *= 1.0 - change
-            reached = self.settle(TOLERANCE, loose=0.02 * goal)
-            if reached > 0.0:
-                overlap, slope = reached, max((overlap - reached) / change, 0.5 * CLOSING)
-            else:  # it came apart: once more by a smaller step
-                self.places, self.radii = before
-                self.list()
-                slope, failures = 2.0 * slope, failures + 1
-        if overlap > 10.0 * OVERLAP:
-            warnings.warn(f"packing: mean overlap {overlap:.1e} of the mean radius is left", stacklevel=3)
+        warnings.warn(f"packing: mean overlap {overlap:.1e} of the mean radius is left", stacklevel=3)
 
 
 def _solid(radii: np.ndarray, axes: int) -> np.ndarray:
