@@ -23,9 +23,10 @@ COMPRESSED = {2: 0.865, 3: 0.66}  # first solid fraction; raised where these siz
 OVERLAP = 2e-6  # largest mean overlap of contacts of a finished packing, as a share of the mean radius
 CLOSING = 1.4  # mean overlap falls by this times the relative change of the radii (harmonic packings near jamming)
 ROUGH = 0.02  # the same ratio while density and sizes are still being sought
+SURPLUS = 1.008  # jammed to the wanted solid fraction: a packing well exchanged settles sooner; rattlers are taken out
 SLIGHT = 1e-3  # mean overlap, of the mean radius, that a change of sizes may remove
 MARGIN = 1.002  # radii are drawn inside the range by this factor; the final change of sizes keeps them inside it
-LONGEST = 15_000  # steps of one relaxation; what has not settled then is about to come apart
+LONGEST = 20_000  # steps of one relaxation
 EXCHANGES = 150  # of radii, at most
 
 
@@ -68,11 +69,11 @@ class _Bed:
         self.reach = 0.45 * skin
 
     def settle(self, tolerance: float, most: int = LONGEST, loose: float = 1e-8) -> float:
-        """Relax; mean overlap of the contacts as a share of the mean radius, 0 if that falls below `loose` or never settles."""
+        """Relax; mean overlap of the contacts as a share of the mean radius, 0 where it falls below `loose`."""
         control = np.array([0.1, 0.1, 0.0])
         radius = float(self.radii.mean())
         self.velocity[:] = 0.0
-        used, overlap = 0, math.inf
+        used, overlap, settled = 0, math.inf, False
         while used < most:
             steps, overlap, settled = descend(
                 self.places, self.velocity, np.empty_like(self.places), self.radii, self.first, self.second,
@@ -82,7 +83,8 @@ class _Bed:
             self.list()
             if settled and (steps < 20 or not self.outline.curved):  # tangent planes must have followed
                 break
-        return 0.0 if overlap < loose * radius or used >= LONGEST else overlap / radius
+        self.settled = settled
+        return 0.0 if overlap < loose * radius else overlap / radius
 
     def contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows of both particles (second -1: a wall) and overlap (m) of every contact."""
@@ -107,8 +109,12 @@ class _Bed:
         both = np.r_[first, second[second >= 0]]
         load = np.bincount(both, np.r_[overlap, overlap[second >= 0]], self.radii.size)
         number = np.bincount(both, minlength=self.radii.size)
-        order = np.argsort(self.radii - load / np.maximum(number, 1), kind="stable")
-        self.radii[order] = np.sort(self.radii)
+        free = np.ones(self.radii.size, dtype=bool)
+        free[first[second < 0]] = False  # or small ones would gather at the walls
+        wanted = self.radii[free] - (load / np.maximum(number, 1))[free]
+        sizes = np.empty_like(wanted)
+        sizes[np.argsort(wanted, kind="stable")] = np.sort(self.radii[free])
+        self.radii[free] = sizes
         self.list()
 
     def keep(self, kept: np.ndarray) -> None:
@@ -141,21 +147,22 @@ class _Bed:
 
     def jam(self) -> None:
         """Reduce the sizes until the particles just touch (O'Hern et al. 2003, from above)."""
-        overlap, slope, change = 0.0, CLOSING, -SLIGHT
+        overlap, slope, shrink = 0.0, CLOSING, -SLIGHT
         for _ in range(60):
-            reached = self.settle(TOLERANCE, loose=0.02 * max(0.2 * overlap, 0.5 * OVERLAP))
-            if not reached > 0.0:  # it came apart, or is about to: back by half of the change, from where it is now
-                change = 0.5 * abs(change)
-                self.radii *= 1.0 + change
-                continue
-            if reached <= OVERLAP:
+            goal = max(0.2 * overlap, 0.5 * OVERLAP)
+            reached = self.settle(TOLERANCE, loose=0.02 * goal)
+            # well compressed it may creep on; what has not settled near the end is about to come apart
+            if reached == 0.0 or (reached < 0.1 * SLIGHT and not self.settled):
+                shrink = -0.5 * shrink if shrink > 0.0 else 1.5 * shrink  # back by half, further each time
+            elif reached <= OVERLAP and self.settled:
                 return
-            if overlap > reached and change > 0.0:
-                slope = min(max((overlap - reached) / change, 0.5 * CLOSING), 2.0 * CLOSING)
-            overlap = reached
-            change = (overlap - max(0.2 * overlap, 0.5 * OVERLAP)) / slope
-            self.radii *= 1.0 - change
-        warnings.warn(f"packing: mean overlap {overlap:.1e} of the mean radius is left", stacklevel=3)
+            else:
+                if shrink > 0.0 and reached < overlap:
+                    slope = min(max((overlap - reached) / shrink, 0.5 * CLOSING), 2.0 * CLOSING)
+                overlap = reached
+                shrink = (overlap - max(0.2 * overlap, 0.5 * OVERLAP)) / slope
+            self.radii *= 1.0 - shrink
+        warnings.warn(f"packing: not settled, mean overlap {overlap:.1e} of the mean radius", stacklevel=3)
 
 
 def _solid(radii: np.ndarray, axes: int) -> np.ndarray:
@@ -220,11 +227,13 @@ def random_dense(
         margin = min(MARGIN, math.sqrt(high / low))
         sampler = power_law((low * margin, high / margin), exponent)
     if not 0.05 <= porosity <= 0.6:
-        raise ValueError(f"porosity={porosity} must lie in [0.05, 0.6]; random discs jam at about 0.15, spheres at 0.36")
+        raise ValueError(
+            f"porosity={porosity} must lie in [0.05, 0.6]; random discs jam at about 0.15, spheres at 0.36"
+        )
     outline, rng = outline_of(region, periodic), np.random.default_rng(seed)
     solid = 1.0 - porosity
-    bed = _compressed(outline, sampler, solid * (1.0 + 2.0 * SLIGHT), rng)
-    _approach(bed, solid * (1.0 + 2.0 * SLIGHT), rng)
+    bed = _compressed(outline, sampler, solid * SURPLUS, rng)
+    _approach(bed, solid * SURPLUS, rng)
     bed.jam()
     jams = bed.solid_fraction
     _loosen(bed, solid, rng)
@@ -243,7 +252,9 @@ def _fill(sampler: Sampler, rng: np.random.Generator, measure: float, axes: int)
     radii, count = np.empty(0), 1000
     while _solid(radii, axes).sum() < measure:
         if count > 100_000_000:
-            raise ValueError("radii: more than 100 million particles would be needed; are radii and region in one unit?")
+            raise ValueError(
+                "radii: more than 100 million particles would be needed; are radii and region in one unit?"
+            )
         drawn = np.asarray(sampler(rng, count), dtype=float)
         if drawn.shape != (count,) or not (np.isfinite(drawn) & (drawn > 0.0)).all():
             raise ValueError(f"sampler must give {count} positive finite radii (m) when asked for as many")
@@ -272,31 +283,32 @@ def _compressed(outline: Faces | Outline, sampler: Sampler, solid: float, rng: n
                 f"(their radius is {radii.max():g} m)"
             )
         bed = _Bed(outline, _scatter(outline, rng, radii.size), radii)
-        if bed.settle(ROUGH) > SLIGHT:
+        if bed.settle(5.0 * ROUGH) > SLIGHT:
             return bed
         start *= 1.03
 
 
 def _approach(bed: _Bed, solid: float, rng: np.random.Generator) -> None:
     """Bring the bed to its jamming density: at `solid`, or where it jams if that is denser, or as near as it can be."""
-    many_sizes = float(np.ptp(bed.radii)) > 0.0
-    overlap = _relieve(bed, solid, (8.0 if many_sizes else 4.0) * SLIGHT, rng)
-    for _ in range(EXCHANGES if many_sizes else 0):
+    equal = not np.ptp(bed.radii) > 0.0
+    # exchanges reach equilibrium too, so what goes before them can be rough
+    overlap = _relieve(bed, solid, ROUGH if equal else 5.0 * ROUGH, rng)
+    for _ in range(0 if equal else EXCHANGES):
         if overlap < SLIGHT:
             break
         bed.exchange()
         overlap = bed.settle(ROUGH, most=40)
-    _relieve(bed, 0.0, 4.0 * SLIGHT, rng)
+    _relieve(bed, 0.0, ROUGH, rng)
 
 
-def _relieve(bed: _Bed, solid: float, enough: float, rng: np.random.Generator) -> float:
-    """Take out particles at random until the mean overlap is `enough`, or down to `solid`; the mean overlap reached."""
-    overlap, before = bed.settle(ROUGH), math.inf
-    while overlap > enough and bed.solid_fraction < before:
+def _relieve(bed: _Bed, solid: float, tolerance: float, rng: np.random.Generator) -> float:
+    """Take out particles at random until the mean overlap is slight, or down to `solid`; the mean overlap reached."""
+    overlap, before = bed.settle(tolerance), math.inf
+    while overlap > 4.0 * SLIGHT and bed.solid_fraction < before:
         before = bed.solid_fraction
-        jams = before * (1.0 - len(bed.axes) * (overlap - 0.7 * enough) / CLOSING)
+        jams = before * (1.0 - len(bed.axes) * (overlap - 3.0 * SLIGHT) / CLOSING)
         bed.thin(max(jams, solid), rng)
-        overlap = bed.settle(ROUGH)
+        overlap = bed.settle(tolerance)
     return overlap
 
 

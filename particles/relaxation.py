@@ -191,7 +191,9 @@ def _farthest(places, listed, axes):
 
 
 @njit(cache=True)
-def descend(places, velocity, force, radii, first, second, period, planes, control, reach, most, tolerance, loose, axes):
+def descend(
+    places, velocity, force, radii, first, second, period, planes, control, reach, most, tolerance, loose, axes
+):
     """FIRE (Bitzek et al. 2006) until the unbalanced force (root mean square) is `tolerance` times the mean contact force.
 
     Args:

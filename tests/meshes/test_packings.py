@@ -91,7 +91,10 @@ def test_top_row_on_the_surface_and_other_regions():
         (lambda: packings.square_45(REGION, -0.05), "radius=-0.05 must be positive"),
         (lambda: packings.square_45(REGION, np.nan), "radius=nan must be positive"),
         (lambda: packings.simple_cubic(REGION, 0.05), "region=.* must be .*z_min"),
-        (lambda: packings.face_centred_cubic(((0, 0, 0), (1, 1, 1)), 0.1, anchor=(0, 0)), "anchor=.* must be three finite"),
+        (
+            lambda: packings.face_centred_cubic(((0, 0, 0), (1, 1, 1)), 0.1, anchor=(0, 0)),
+            "anchor=.* must be three finite",
+        ),
         (lambda: packings.square(((0, 0), (1, np.inf)), 0.1), "region=.* must be a finite region"),
         (lambda: packings.hexagonal(REGION, 0.1, surface="above"), 'surface="above" must be'),
         (lambda: packings.hexagonal(REGION, 0.1, anchor=(0, np.nan)), "anchor=.* must be two finite numbers"),

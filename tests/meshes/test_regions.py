@@ -47,7 +47,9 @@ def test_distance_in_3d_is_that_of_the_nearest_point_of_the_surface(solid, volum
     lower, upper = solid.bounds
     points = np.random.default_rng(0).uniform(lower - 1, upper + 1, (2000, 3))
     distance, step = solid.distance(points), 1e-5
-    gradient = np.column_stack([(solid.distance(points + e) - solid.distance(points - e)) / 2e-5 for e in step * np.eye(3)])
+    gradient = np.column_stack(
+        [(solid.distance(points + e) - solid.distance(points - e)) / 2e-5 for e in step * np.eye(3)]
+    )
     smooth = np.abs(np.linalg.norm(gradient, axis=1) - 1) < 1e-6
     assert smooth.mean() > 0.99  # the rest lies within a step of an edge's bisector
     nearest = points - distance[:, None] * gradient
