@@ -97,7 +97,21 @@ class Outline:
         for turn in TURNS:
             normal = (1.0 - turn) * normal + turn * self._normals(centre + radius * normal, 1e-4 * radius)
             normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-        depth = self.distance(centre + radius * normal)
+        deepest = centre + radius * normal
+        depth = self.distance(deepest)
+        smooth = np.einsum("ij,ij->i", self._normals(deepest, 1e-4 * radius), normal) > SAMES
+        # a re-entrant corner has no smooth deepest point: the distance of the particle's centre tells its overlap, unless
+        # it is a mere bound (inside a union)
+        own = self._normals(places[near], 1e-4 * radii[near, None])
+        beyond, there = self.distance(places[near]) + radii[near], self.distance(places[near] + radii[near, None] * own)
+        true = np.where(beyond > 0.0, there > 1e-3 * beyond, np.abs(there - beyond) <= 0.5 * np.abs(beyond))
+        found = smooth | ~true[which]
+        row, normal, depth = (
+            np.r_[row[found], near[true]],
+            np.r_[normal[found], own[true]],
+            np.r_[depth[found], beyond[true]],
+        )
+        centre, radius = places[row], radii[row, None]
         kept = np.flatnonzero(depth > -reach)
         kept = kept[np.lexsort((-depth[kept], row[kept]))]  # the deepest point of each particle first
         row, normal, depth, centre, radius = row[kept], normal[kept], depth[kept], centre[kept], radius[kept]

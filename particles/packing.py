@@ -202,7 +202,8 @@ def random_dense(
 
     Args:
         region: ((x0, y0), (x1, y1)), the same with z, or an object with `bounds` and `distance(points)` (m, negative
-            inside). The particles lie within it and touch its outline; details of it should be larger than they are.
+            inside). The particles lie within it and touch its outline; details of it should be larger than they are. Re-entrant corners are exact in a difference of
+            regions; in a union, whose distance is a bound, particles may cut them by some per cent of a radius.
         radius_range: smallest and largest radius, m.
         porosity: share of voids in the region; a warning says what was reached if that is off by more than 0.002.
         seed: of the random numbers; the same seed gives the same packing.
