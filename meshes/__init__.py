@@ -5,6 +5,6 @@
 """
 
 from . import packings
-from .regions import Box, Disc, HalfPlane, Region
+from .regions import Box, Cylinder, Disc, HalfPlane, HalfSpace, Region, Sphere
 
-__all__ = ["Box", "Disc", "HalfPlane", "Region", "packings"]
+__all__ = ["Box", "Cylinder", "Disc", "HalfPlane", "HalfSpace", "Region", "Sphere", "packings"]

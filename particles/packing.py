@@ -1,211 +1,188 @@
-"""Random dense packings: discs of given sizes jammed in a box, brought back to just touching, to a target porosity."""
+"""Random dense packings of discs or spheres: jammed in a region, just touching, to a target porosity.
+
+A packing is compressed beyond jamming, relaxed, and its radii are exchanged between the particles until the wanted
+porosity is where it jams; then its sizes are reduced until the overlaps vanish.
+"""
 
 from __future__ import annotations
 
 import math
 import warnings
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from particles import neighbours
-from particles.system import FAST
+from particles.outline import Faces, Outline, outline_of
+from particles.relaxation import Planes, descend, list_pairs, push_apart, sort_by_cell
 
-MARGIN = 1.01  # radii are drawn inside the range by this factor; the final common scaling keeps them inside it
+Sampler = Callable[[np.random.Generator, int], Any]
+
 TOLERANCE = 2e-3  # unbalanced force (root mean square) as a share of the mean contact force
-OVERLAP = 2e-6  # mean overlap of contacts aimed at, as a share of the mean radius
-JAMMED = 0.846  # first guess of the solid fraction at jamming
-LONGEST = 30_000  # sweeps of one relaxation; a packing that does not settle in these counts as loose
+COMPRESSED = {2: 0.865, 3: 0.66}  # first solid fraction; raised where these sizes do not jam there
+OVERLAP = 2e-6  # largest mean overlap of contacts of a finished packing, as a share of the mean radius
+CLOSING = 1.4  # mean overlap falls by this times the relative change of the radii (harmonic packings near jamming)
+ROUGH = 0.02  # the same ratio while density and sizes are still being sought
+SURPLUS = 1.008  # jammed to the wanted solid fraction: a packing well exchanged settles sooner; rattlers are taken out
+SLIGHT = 1e-3  # mean overlap, of the mean radius, that a change of sizes may remove
+MARGIN = 1.002  # radii are drawn inside the range by this factor; the final change of sizes keeps them inside it
+LONGEST = 20_000  # steps of one relaxation
+EXCHANGES = 150  # of radii, at most
 
 
-@njit(cache=True, fastmath=FAST)
-def _push(force, places, radii, start, neighbour, lower, upper):
-    """Unit-stiffness repulsion of overlapping discs and box walls; sum of overlaps and number of contacts."""
-    force[:] = 0.0
-    overlaps = 0.0
-    contacts = 0
-    for i in range(places.shape[0]):
-        x = places[i, 0]
-        y = places[i, 1]
-        radius = radii[i]
-        fx = 0.0
-        fy = 0.0
-        for pair in range(start[i], start[i + 1]):
-            j = neighbour[pair]
-            bx = places[j, 0] - x
-            by = places[j, 1] - y
-            reach = radius + radii[j]
-            square = bx * bx + by * by
-            if square < reach * reach:
-                distance = math.sqrt(square)
-                push = (reach - distance) / distance
-                fx -= push * bx
-                fy -= push * by
-                force[j, 0] += push * bx
-                force[j, 1] += push * by
-                overlaps += reach - distance
-                contacts += 1
-        for c in range(2):
-            place = x if c == 0 else y
-            low = lower[c] + radius - place
-            high = place + radius - upper[c]
-            push = max(low, 0.0) - max(high, 0.0)
-            if push != 0.0:
-                overlaps += abs(push)
-                contacts += 1
-                if c == 0:
-                    fx += push
-                else:
-                    fy += push
-        force[i, 0] += fx
-        force[i, 1] += fy
-    return overlaps, contacts
+class Equilibrium(NamedTuple):
+    """How well a packing is in equilibrium; lengths as shares of the mean radius."""
+
+    porosity: float
+    mean_overlap: float  # over the contacts
+    largest_overlap: float
+    unbalanced: float  # root mean square force on a particle, as a share of the mean contact force
+    coordination: float  # contacts (walls included) of a particle, without rattlers
+    rattlers: float  # share of the particles with too few contacts to be held
 
 
-@njit(cache=True, fastmath=FAST)
-def _move(places, velocity, force, mix, step):
-    """One sweep of FIRE (Bitzek et al. 2006): steer along the force, step; power, sum of squared forces, top speed squared."""
-    power = 0.0
-    forces = 0.0
-    speeds = 0.0
-    for i in range(places.shape[0]):
-        square = force[i, 0] * force[i, 0] + force[i, 1] * force[i, 1]
-        power += force[i, 0] * velocity[i, 0] + force[i, 1] * velocity[i, 1]
-        forces += square
-        speeds += velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1]
-    keep = 1.0 - mix if power > 0.0 else 0.0
-    steer = mix * math.sqrt(speeds / forces) if power > 0.0 and forces > 0.0 else 0.0
-    fastest = 0.0
-    for i in range(places.shape[0]):
-        for c in range(2):
-            velocity[i, c] = keep * velocity[i, c] + (steer + step) * force[i, c]
-            places[i, c] += step * velocity[i, c]
-        fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
-    return power, forces, fastest
+class _Bed:
+    """Particles in an outline that are relaxed at changing sizes; rows change their order."""
 
-
-@njit(cache=True)
-def _settle(places, velocity, force, radii, start, neighbour, lower, upper, skin, control, sweeps, tolerance, tiny):
-    """Sweeps until the unbalanced force (root mean square) is below `tolerance` times the mean contact force.
-
-    Args:
-        control: (3,) FIRE's step, mixing and number of sweeps since the last turn; kept between calls.
-        tiny: mean overlap (m) below which the packing counts as loose.
-
-    Returns:
-        Sweeps made, mean overlap (m), whether it has settled (else the list is stale or `sweeps` are used up).
-    """
-    travel = 0.0
-    mean = 0.0
-    for sweep in range(sweeps):
-        overlaps, contacts = _push(force, places, radii, start, neighbour, lower, upper)
-        mean = overlaps / max(contacts, 1)
-        power, forces, fastest = _move(places, velocity, force, control[1], control[0])
-        if forces <= places.shape[0] * (tolerance * mean) ** 2 or overlaps < tiny * places.shape[0]:
-            return sweep, mean, True
-        if power > 0.0:
-            control[2] += 1.0
-            if control[2] > 5.0:
-                control[0] = min(1.1 * control[0], 0.5)
-                control[1] *= 0.99
-        else:
-            control[2] = 0.0
-            control[0] = max(0.5 * control[0], 0.02)
-            control[1] = 0.1
-        travel += control[0] * math.sqrt(fastest)
-        if travel > 0.4 * skin:
-            return sweep + 1, mean, False
-    return sweeps, mean, False
-
-
-class _Box:
-    """Discs in a box that are relaxed at changing sizes."""
-
-    def __init__(self, lower: np.ndarray, upper: np.ndarray, radii: np.ndarray, rng: np.random.Generator) -> None:
-        self.lower, self.upper, self.radii = lower, upper, radii
-        self.places = lower + rng.random((radii.size, 2)) * (upper - lower)
-        self.sweeps = 0
+    def __init__(self, outline: Faces | Outline, places: np.ndarray, radii: np.ndarray) -> None:
+        self.outline, self.places, self.radii = outline, places, radii
+        self.axes = (0,) * places.shape[1]
+        self.velocity = np.zeros_like(places)
+        self.list()
 
     @property
     def solid_fraction(self) -> float:
-        return float(np.pi * np.sum(self.radii**2) / np.prod(self.upper - self.lower))
+        return float(_solid(self.radii, len(self.axes)).sum() / self.outline.measure)
 
-    def _list(self, skin: float) -> tuple[np.ndarray, np.ndarray]:
-        order = np.lexsort((self.places[:, 0], np.floor(self.places[:, 1] / (2.0 * self.radii.max()))))
-        self.places, self.radii = np.ascontiguousarray(self.places[order]), self.radii[order]
-        none = np.zeros(self.radii.size, dtype=bool)
-        width = 2.0 * self.radii.max() + skin
-        start, _, second = neighbours.list_pairs(self.places, self.radii, none, width, skin, 2, 4 * self.radii.size, None)
-        return start, second[: start[-1]]
+    def list(self) -> None:
+        """Sort the rows by position and list the pairs and tangent planes that may come into contact."""
+        outline, skin = self.outline, 0.5 * float(self.radii.mean())
+        periodic = outline.period > 0.0
+        self.places[:, periodic] -= outline.period[periodic] * np.floor(
+            (self.places[:, periodic] - outline.lower[periodic]) / outline.period[periodic]
+        )
+        width = 2.0 * float(self.radii.max()) + skin
+        cells, order, start = sort_by_cell(self.places, outline.lower, outline.upper, width, self.axes)
+        self.places, self.velocity, self.radii = self.places[order], self.velocity[order], self.radii[order]
+        self.first, self.second = list_pairs(self.places, self.radii, cells, start, outline.period, skin, self.axes)
+        self.planes: Planes = outline.planes(self.places, self.radii, skin)
+        self.reach = 0.45 * skin
 
-    def settle(self, tolerance: float) -> float:
-        """Relax to equilibrium; mean overlap of the contacts as a share of the mean radius, 0 if there is no jam."""
+    def settle(self, tolerance: float, most: int = LONGEST, loose: float = 1e-8) -> float:
+        """Relax; mean overlap of the contacts as a share of the mean radius, 0 where it falls below `loose`."""
         control = np.array([0.1, 0.1, 0.0])
-        mean_radius = float(self.radii.mean())
-        velocity = np.zeros_like(self.places)
-        settled, overlap, used = False, 0.0, 0
-        while not settled and used < LONGEST:
-            skin = 0.3 * mean_radius
-            start, neighbour = self._list(skin)
-            velocity[:] = 0.0  # rows were sorted anew
-            made, overlap, settled = _settle(
-                self.places, velocity, np.zeros_like(self.places), self.radii, start, neighbour, self.lower, self.upper,
-                skin, control, LONGEST - used, tolerance, 0.1 * OVERLAP * mean_radius,
+        radius = float(self.radii.mean())
+        self.velocity[:] = 0.0
+        used, overlap, settled = 0, math.inf, False
+        while used < most:
+            steps, overlap, settled = descend(
+                self.places, self.velocity, np.empty_like(self.places), self.radii, self.first, self.second,
+                self.outline.period, self.planes, control, self.reach, most - used, tolerance, loose * radius, self.axes,
             )  # fmt: skip
-            used += made + 1
-        self.sweeps += used
-        return overlap / mean_radius if settled and overlap > 0.1 * OVERLAP * mean_radius else 0.0
+            used += max(steps, 1)
+            self.list()
+            if settled and (steps < 20 or not self.outline.curved):  # tangent planes must have followed
+                break
+        self.settled = settled
+        return 0.0 if overlap < loose * radius else overlap / radius
+
+    def contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows of both particles (second -1: a wall) and overlap (m) of every contact."""
+        first = np.repeat(np.arange(self.radii.size), np.diff(self.first))
+        branch = self.places[self.second] - self.places[first]
+        period = self.outline.period
+        branch -= period * np.rint(branch / np.where(period > 0.0, period, 1.0))
+        overlap = self.radii[first] + self.radii[self.second] - np.linalg.norm(branch, axis=1)
+        row, normal, offset = self.planes
+        beyond = np.einsum("ij,ij->i", normal, self.places[row]) - offset + self.radii[row]
+        first, second = np.r_[first, row], np.r_[self.second, np.full(row.size, -1)]
+        overlap = np.r_[overlap, beyond]
+        touching = overlap > 0.0
+        return first[touching], second[touching], overlap[touching]
+
+    def exchange(self) -> None:
+        """Exchange radii: a step down the energy's gradient in the radii, onto a permutation of them.
+
+        The sizes stay as drawn, the jamming density rises (Brito, Lerner & Wyart 2018; Kapteijns et al. 2019).
+        """
+        first, second, overlap = self.contacts()
+        both = np.r_[first, second[second >= 0]]
+        load = np.bincount(both, np.r_[overlap, overlap[second >= 0]], self.radii.size)
+        number = np.bincount(both, minlength=self.radii.size)
+        free = np.ones(self.radii.size, dtype=bool)
+        free[first[second < 0]] = False  # or small ones would gather at the walls
+        wanted = self.radii[free] - (load / np.maximum(number, 1))[free]
+        sizes = np.empty_like(wanted)
+        sizes[np.argsort(wanted, kind="stable")] = np.sort(self.radii[free])
+        self.radii[free] = sizes
+        self.list()
+
+    def keep(self, kept: np.ndarray) -> None:
+        """Take out the other particles."""
+        self.places, self.velocity, self.radii = self.places[kept], self.velocity[kept], self.radii[kept]
+        self.list()
+
+    def thin(self, solid_fraction: float, rng: np.random.Generator) -> None:
+        """Take out particles at random, down to the solid fraction but not below."""
+        share = _solid(self.radii, len(self.axes)) / self.outline.measure
+        surplus, kept = float(share.sum()) - solid_fraction, np.ones(self.radii.size, dtype=bool)
+        for row in rng.permutation(self.radii.size):
+            if share[row] <= surplus:
+                surplus -= share[row]
+                kept[row] = False
+        self.keep(kept)
+
+    def counts(self) -> np.ndarray:
+        """Contacts (n,) of each particle, 0 for rattlers: those with too few contacts are taken out, repeatedly."""
+        first, second, _ = self.contacts()
+        wall = second < 0
+        kept = np.ones(self.radii.size, dtype=bool)
+        while True:
+            held = kept[first] & (wall | kept[second])
+            counts = np.bincount(np.r_[first[held], second[held & ~wall]], minlength=kept.size)
+            rattling = kept & (counts < len(self.axes) + 1)
+            if not rattling.any():
+                return np.where(kept, counts, 0)
+            kept &= ~rattling
 
     def jam(self) -> None:
-        """Change the sizes until the discs are jammed with negligible overlap (O'Hern et al. 2003)."""
-        # begin well compressed: a stiff packing settles in far fewer sweeps, and follows the later small changes
-        self.radii *= 1.02
-        change, jammed = 2e-3, False
-        overlap = self.settle(10.0 * TOLERANCE)
+        """Reduce the sizes until the particles just touch (O'Hern et al. 2003, from above)."""
+        overlap, slope, shrink = 0.0, CLOSING, -SLIGHT
         for _ in range(60):
-            if overlap == 0.0:  # loose: back by half of the last change, and on by more where that was not enough
-                change *= 0.5 if jammed else 3.0
-                jammed = False
-                self.radii *= 1.0 + change
-            elif overlap <= OVERLAP:
+            goal = max(0.2 * overlap, 0.5 * OVERLAP)
+            reached = self.settle(TOLERANCE, loose=0.02 * goal)
+            # well compressed it may creep on; what has not settled near the end is about to come apart
+            if reached == 0.0 or (reached < 0.1 * SLIGHT and not self.settled):
+                shrink = -0.5 * shrink if shrink > 0.0 else 1.5 * shrink  # back by half, further each time
+            elif reached <= OVERLAP and self.settled:
                 return
             else:
-                # mean overlap falls by about 1.5 to 2 times the relative change of size
-                jammed = True
-                change = 0.38 * (overlap - 0.3 * OVERLAP)
-                self.radii *= 1.0 - change
-            overlap = self.settle(TOLERANCE)
-        warnings.warn(f"packing: mean overlap {overlap:.1e} of the mean radius is left", stacklevel=3)
+                if shrink > 0.0 and reached < overlap:
+                    slope = min(max((overlap - reached) / shrink, 0.5 * CLOSING), 2.0 * CLOSING)
+                overlap = reached
+                shrink = (overlap - max(0.2 * overlap, 0.5 * OVERLAP)) / slope
+            self.radii *= 1.0 - shrink
+        warnings.warn(f"packing: not settled, mean overlap {overlap:.1e} of the mean radius", stacklevel=3)
 
 
-def _contact_counts(box: _Box) -> np.ndarray:
-    """Load-carrying contacts of each disc: discs with fewer than three and their contacts are taken out, repeatedly."""
-    start, second = box._list(1e-12)
-    first = np.repeat(np.arange(box.radii.size), np.diff(start))
-    gap = np.hypot(*(box.places[second] - box.places[first]).T) - box.radii[first] - box.radii[second]
-    first, second = first[gap < 0.0], second[gap < 0.0]
-    walls = ((box.places - box.radii[:, None] < box.lower) | (box.places + box.radii[:, None] > box.upper)).sum(axis=1)
-    kept = np.ones(box.radii.size, dtype=bool)
-    while True:
-        both = kept[first] & kept[second]
-        counts = walls + np.bincount(first[both], minlength=kept.size) + np.bincount(second[both], minlength=kept.size)
-        loose = kept & (counts < 3)
-        if not loose.any():
-            return np.where(kept, counts, 0)
-        kept &= ~loose
+def _solid(radii: np.ndarray, axes: int) -> np.ndarray:
+    """Areas (m2) of discs or volumes (m3) of spheres."""
+    return np.pi * radii**2 if axes == 2 else 4.0 / 3.0 * np.pi * radii**3
 
 
-def _draw(count: int, radius_range: tuple[float, float], exponent: float, rng: np.random.Generator) -> np.ndarray:
-    """Radii with number density proportional to r^-exponent on the range."""
-    low, high = radius_range[0] * MARGIN, radius_range[1] / MARGIN
-    share = rng.random(count)
-    if low >= high:
-        return np.full(count, math.sqrt(radius_range[0] * radius_range[1]))
-    if abs(exponent - 1.0) < 1e-9:
-        return low * (high / low) ** share
-    power = 1.0 - exponent
-    return (low**power + share * (high**power - low**power)) ** (1.0 / power)
+def power_law(radius_range: tuple[float, float], exponent: float) -> Sampler:
+    """Sampler of radii with number density proportional to r^-exponent on a range (0: uniform)."""
+    low, high = radius_range
+
+    def sample(rng: np.random.Generator, count: int) -> np.ndarray:
+        share = rng.random(count)
+        if abs(exponent - 1.0) < 1e-9:
+            return low * (high / low) ** share
+        power = 1.0 - exponent
+        # relative to the smallest radius, so that no power overflows at any length scale
+        return low * (1.0 + share * ((high / low) ** power - 1.0)) ** (1.0 / power)
+
+    return sample
 
 
 def random_dense(
@@ -214,69 +191,159 @@ def random_dense(
     porosity: float = 0.16,
     seed: int = 1,
     exponent: float = 2.2,
+    sampler: Sampler | None = None,
+    periodic: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Random dense packing in a box, in equilibrium, discs in contact just touching (mean overlap about 2e-6 radii).
+    """Random dense packing of discs or spheres in frictionless equilibrium that just touch (mean overlap 2e-6 radii).
 
-    Discs at random places are relaxed and their common size changed until they jam without overlap (O'Hern et al. 2003);
-    the porosity is then met by taking out discs that carry no load. What can be reached is about 14 to 18 per cent.
+    Up to the density at which particles of these sizes jam when placed at random (solid fraction about 0.845 in 2D, 0.64 in
+    3D), the porosity is met by taking out particles that carry no load. Beyond, radii are exchanged among the particles
+    until they jam at the wanted porosity; the wider the range of sizes, the denser (2D, r_max / r_min = 2.5: 12 per cent).
 
     Args:
-        region: ((x0, y0), (x1, y1)), or an object with `bounds` (the same) and `contains(points)`: its bounds are packed
-            and discs with centres outside are dropped.
+        region: ((x0, y0), (x1, y1)), the same with z, or an object with `bounds` and `distance(points)` (m, negative
+            inside). The particles lie within it and touch its outline; details of it should be larger than they are. Re-entrant corners are exact in a difference of
+            regions; in a union, whose distance is a bound, particles may cut them by some per cent of a radius.
         radius_range: smallest and largest radius, m.
-        porosity: share of voids in the box; a warning says what was reached if that is off by more than 0.002.
+        porosity: share of voids in the region; a warning says what was reached if that is off by more than 0.002.
         seed: of the random numbers; the same seed gives the same packing.
         exponent: number density of radii proportional to r^-exponent (0: uniform). The default gives the root mean square
             radius of 0.031 m that Li & Wan's assembly C needs (6835 discs of 0.02 to 0.05 m in 7 m x 3.5 m).
+        sampler: own radii instead of radius_range and exponent: sampler(rng, count) gives count radii (m). The finished
+            radii differ from them by a common factor within about 0.002 of one.
+        periodic: particles that leave a box on one side enter it on the other; the box has no walls.
 
     Returns:
-        Positions (n, 2) and radii (n,), m.
+        Positions (n, 2) or (n, 3) and radii (n,), m.
 
     Raises:
-        ValueError: sizes or porosity that make no sense.
+        ValueError: sizes, region or porosity that make no sense.
     """
-    lower, upper = np.asarray(region.bounds if hasattr(region, "bounds") else region, dtype=float)
-    low, high = map(float, radius_range)
-    if not (0.0 < low <= high < math.inf):
-        raise ValueError(f"radius_range={radius_range} must be two positive radii in ascending order (m)")
-    if lower.shape != (2,) or not np.isfinite([lower, upper]).all() or not (upper - lower > 4.0 * high).all():
-        raise ValueError(f"region from {lower} to {upper} must be at least two of the largest discs wide and high")
-    if not 0.1 <= porosity <= 0.5:
-        raise ValueError(f"porosity={porosity} must lie in [0.1, 0.5]; random discs jam at about 0.15")
-    if not math.isfinite(exponent):
-        raise ValueError(f"exponent={exponent} must be a finite number")
-    rng = np.random.default_rng(seed)
-    area = float(np.prod(upper - lower))
-    jammed = JAMMED
-    for _ in range(4):
-        guess = int(2.0 * area / (np.pi * low * high)) + 16
-        radii = _draw(guess, (low, high), exponent, rng)
-        solid = np.cumsum(np.pi * radii**2)
-        radii = radii[: max(1, int(np.searchsorted(solid, jammed * area)))]
-        box = _Box(lower, upper, radii.copy(), rng)
-        box.jam()
-        jammed = box.solid_fraction
-        if low <= box.radii.min() and box.radii.max() <= high:
-            break
-    positions, radii = _loosened(box, 1.0 - porosity, rng)
-    reached = 1.0 - np.pi * np.sum(radii**2) / area
+    if sampler is None:
+        low, high = map(float, radius_range)
+        if not (0.0 < low <= high < math.inf):
+            raise ValueError(f"radius_range={radius_range} must be two positive radii in ascending order (m)")
+        if not math.isfinite(exponent):
+            raise ValueError(f"exponent={exponent} must be a finite number")
+        margin = min(MARGIN, math.sqrt(high / low))
+        sampler = power_law((low * margin, high / margin), exponent)
+    if not 0.05 <= porosity <= 0.6:
+        raise ValueError(
+            f"porosity={porosity} must lie in [0.05, 0.6]; random discs jam at about 0.15, spheres at 0.36"
+        )
+    outline, rng = outline_of(region, periodic), np.random.default_rng(seed)
+    solid = 1.0 - porosity
+    bed = _compressed(outline, sampler, solid * SURPLUS, rng)
+    _approach(bed, solid * SURPLUS, rng)
+    bed.jam()
+    jams = bed.solid_fraction
+    _loosen(bed, solid, rng)
+    reached = 1.0 - bed.solid_fraction
     if abs(reached - porosity) > 2e-3:
         warnings.warn(
-            f"packing: porosity {reached:.4f} was reached, not {porosity:g} (jammed without friction: {1 - jammed:.4f})",
+            f"packing: porosity {reached:.4f} was reached, not {porosity:g}; particles of these sizes jam without friction "
+            f"at {1.0 - jams:.4f} and {'no denser' if reached > porosity else 'can spare no more particles'}",
             stacklevel=2,
         )
-    if hasattr(region, "contains"):
-        inside = np.asarray(region.contains(positions), dtype=bool)
-        positions, radii = positions[inside], radii[inside]
-    return positions, radii
+    return bed.places, bed.radii
 
 
-def _loosened(box: _Box, solid_fraction: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Take out load-free discs, in random order, until the solid fraction is met (or none is left)."""
-    rattlers = np.flatnonzero(_contact_counts(box) == 0)
-    rng.shuffle(rattlers)
-    surplus = (box.solid_fraction - solid_fraction) * float(np.prod(box.upper - box.lower))
-    taken = np.cumsum(np.pi * box.radii[rattlers] ** 2)
-    kept = np.ones(box.radii.size, dtype=bool)
+def _fill(sampler: Sampler, rng: np.random.Generator, measure: float, axes: int) -> np.ndarray:
+    """Radii until their area or volume is `measure`."""
+    radii, count = np.empty(0), 1000
+    while _solid(radii, axes).sum() < measure:
+        if count > 100_000_000:
+            raise ValueError(
+                "radii: more than 100 million particles would be needed; are radii and region in one unit?"
+            )
+        drawn = np.asarray(sampler(rng, count), dtype=float)
+        if drawn.shape != (count,) or not (np.isfinite(drawn) & (drawn > 0.0)).all():
+            raise ValueError(f"sampler must give {count} positive finite radii (m) when asked for as many")
+        radii, count = np.r_[radii, drawn], 2 * count
+    return radii[: int(np.searchsorted(np.cumsum(_solid(radii, axes)), measure)) + 1]
+
+
+def _scatter(outline: Faces | Outline, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Random places (count, axes) inside."""
+    places = np.empty((0, outline.lower.size))
+    while len(places) < count:
+        some = outline.lower + rng.random((count, outline.lower.size)) * (outline.upper - outline.lower)
+        places = np.concatenate((places, some[outline.inside(some)]))
+    return places[:count]
+
+
+def _compressed(outline: Faces | Outline, sampler: Sampler, solid: float, rng: np.random.Generator) -> _Bed:
+    """Particles at random places, relaxed, denser than they jam and than `solid`."""
+    axes = outline.lower.size
+    start = max(COMPRESSED[axes], solid)
+    while True:
+        radii = _fill(sampler, rng, start * outline.measure, axes)
+        if not (outline.upper - outline.lower > 4.0 * radii.max()).all():
+            raise ValueError(
+                f"region from {outline.lower} to {outline.upper} must be at least two of the largest particles wide "
+                f"(their radius is {radii.max():g} m)"
+            )
+        bed = _Bed(outline, _scatter(outline, rng, radii.size), radii)
+        if bed.settle(5.0 * ROUGH) > SLIGHT:
+            return bed
+        start *= 1.03
+
+
+def _approach(bed: _Bed, solid: float, rng: np.random.Generator) -> None:
+    """Bring the bed to its jamming density: at `solid`, or where it jams if that is denser, or as near as it can be."""
+    equal = not np.ptp(bed.radii) > 0.0
+    # exchanges reach equilibrium too, so what goes before them can be rough
+    overlap = _relieve(bed, solid, ROUGH if equal else 5.0 * ROUGH, rng)
+    for _ in range(0 if equal else EXCHANGES):
+        if overlap < SLIGHT:
+            break
+        bed.exchange()
+        overlap = bed.settle(ROUGH, most=40)
+    _relieve(bed, 0.0, ROUGH, rng)
+
+
+def _relieve(bed: _Bed, solid: float, tolerance: float, rng: np.random.Generator) -> float:
+    """Take out particles at random until the mean overlap is slight, or down to `solid`; the mean overlap reached."""
+    overlap, before = bed.settle(tolerance), math.inf
+    while overlap > 4.0 * SLIGHT and bed.solid_fraction < before:
+        before = bed.solid_fraction
+        jams = before * (1.0 - len(bed.axes) * (overlap - 3.0 * SLIGHT) / CLOSING)
+        bed.thin(max(jams, solid), rng)
+        overlap = bed.settle(tolerance)
+    return overlap
+
+
+def _loosen(bed: _Bed, solid: float, rng: np.random.Generator) -> None:
+    """Take out rattlers that carry no load, in random order, until the solid fraction is met or none is left."""
+    first, second, overlap = bed.contacts()
+    load = np.bincount(np.r_[first, second[second >= 0]], np.r_[overlap, overlap[second >= 0]], bed.radii.size)
+    rattlers = rng.permutation(np.flatnonzero((bed.counts() == 0) & (load < 10.0 * TOLERANCE * overlap.mean())))
+    surplus = (bed.solid_fraction - solid) * bed.outline.measure
+    taken = np.cumsum(_solid(bed.radii[rattlers], len(bed.axes)))
+    kept = np.ones(bed.radii.size, dtype=bool)
     kept[rattlers[: int(np.searchsorted(taken, surplus))]] = False
-    return box.places[kept], box.radii[kept]
+    bed.keep(kept)
+
+
+def equilibrium(positions: Any, radii: Any, region: Any, periodic: bool = False) -> Equilibrium:
+    """Overlaps, unbalanced forces and coordination of a packing in its region, for equal contact stiffnesses.
+
+    Args:
+        positions, radii: (n, 2) or (n, 3) and (n,), m.
+        region, periodic: as in `random_dense`.
+    """
+    bed = _Bed(outline_of(region, periodic), np.array(positions, dtype=float), np.array(radii, dtype=float))
+    force = np.empty_like(bed.places)
+    push_apart(force, bed.places, bed.radii, bed.first, bed.second, bed.outline.period, bed.planes, bed.axes)
+    overlap, counts = bed.contacts()[2], bed.counts()
+    mean = float(overlap.mean()) if overlap.size else 0.0
+    unbalanced = math.sqrt(float((force**2).sum()) / len(force))
+    scale = float(bed.radii.mean())
+    return Equilibrium(
+        porosity=1.0 - bed.solid_fraction,
+        mean_overlap=mean / scale,
+        largest_overlap=float(overlap.max(initial=0.0)) / scale,
+        unbalanced=unbalanced / mean if mean else 0.0,
+        coordination=float(counts[counts > 0].mean()) if counts.any() else 0.0,
+        rattlers=float((counts == 0).mean()),
+    )

@@ -25,9 +25,9 @@ def random_dense(bounds: Any, radii: tuple[float, float], porosity: float, seed:
     Returns:
         Positions (n, 2) and radii (n,), m.
     """
-    from particles import packing
+    from particles import outline, packing, relaxation
 
-    recipe = repr((bounds, radii, porosity, seed)) + inspect.getsource(packing)
+    recipe = repr((bounds, radii, porosity, seed)) + "".join(map(inspect.getsource, (outline, packing, relaxation)))
     file = cache_folder() / f"{hashlib.sha256(recipe.encode()).hexdigest()[:24]}.npz"
     try:
         with np.load(file) as kept:
