@@ -504,7 +504,8 @@ class Assembly:
         if _stale(self._system):
             listing.rebuild(self)
         set_contact_constants(self)
-        if self._primed != (terms[4:],) or any(wall.has_new_load() for wall in self.plates):
+        loaded = [wall.has_new_load() for wall in self.plates]  # of all, each is asked once
+        if self._primed != (terms[4:],) or any(loaded):
             network.hold(self._system.walls)
             if self.cell is not None:
                 self.cell.arrays.rate[:] = self.cell.arrays.gradient @ self.cell.arrays.matrix

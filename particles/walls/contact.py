@@ -47,7 +47,7 @@ def closest(vertices, corners, normals, facet, x):
     Returns:
         The point, the part of the facet that it lies on (FACE or bits of corners), height of x over the facet's plane (m).
     """
-    a, b, c = corners[facet, 0], corners[facet, 1], corners[facet, 2]
+    a, b, c = int(corners[facet, 0]), int(corners[facet, 1]), int(corners[facet, 2])
     first, normal = row_vector(vertices, a, 0), row_vector(normals, facet, 0)
     from_a = minus(x, first)
     height = dot(normal, from_a)
@@ -125,11 +125,11 @@ def look(walls, body, owner, x, radius, first, count):
         x: centre of the particle (3,), m.
     """
     near, corners = walls.near, walls.corners
-    wall = corners[walls.facet[first], 3]
+    wall = int(corners[walls.facet[first], 3])
     solid = walls.wall[wall, SOLID] > 0.0
     place = to_reference(body, owner, x)
     for k in range(count):
-        facet = walls.facet[first + k]
+        facet = int(walls.facet[first + k])
         point, part, height = closest(walls.vertices, corners, walls.normals, facet, place)
         side = -1.0 if height < 0.0 and not solid else 1.0
         normal, distance, edge = scaled(-side, row_vector(walls.normals, facet, 0)), side * height, (0.0, 0.0, 0.0)
@@ -138,9 +138,11 @@ def look(walls, body, owner, x, radius, first, count):
             distance = math.sqrt(dot(way, way))
             if distance > 0.0:
                 normal = scaled(1.0 / distance, way)
-            if part & (part - 1) != 0:  # two corners: an edge
-                a = corners[facet, 0 if part & 1 else 1]
-                b = corners[facet, 2 if part & 4 else 1]
+            else:  # a centre right on an edge or corner is pushed as by the face
+                part = FACE
+            if part & (part - 1) != 0 and part != FACE:  # two corners: an edge
+                a = int(corners[facet, 0 if part & 1 else 1])
+                b = int(corners[facet, 2 if part & 4 else 1])
                 way = minus(row_vector(walls.vertices, b, 0), row_vector(walls.vertices, a, 0))
                 edge = rotated(body, owner, scaled(1.0 / math.sqrt(dot(way, way)), way))
         store(near[k], NORMAL, 1, rotated(body, owner, normal))
@@ -307,9 +309,9 @@ def _wall_forces(walls, system, terms, step):
     wall[:, ACTION : ACTION + 6] = 0.0
     body[:, TOUCHING] = 0.0
     for group in range(walls.start.size - 1):
-        first = walls.start[group]
-        count = walls.start[group + 1] - first
-        i, which = walls.row[first], walls.corners[walls.facet[first], 3]
+        first = int(walls.start[group])
+        count = int(walls.start[group + 1]) - first
+        i, which = int(walls.row[first]), int(walls.corners[walls.facet[first], 3])
         owner = int(wall[which, OWNER])
         x, radius = place_of(system.position, space, i), system.position[i, RADIUS]
         look(walls, body, owner, x, radius, first, count)
@@ -347,9 +349,9 @@ def _wall_forces(walls, system, terms, step):
 def see_all(walls, position, space, normal, distance, live):
     """Normals (listed, 3), distances (listed,) and which of the listed pairs are contacts (listed,), at present places."""
     for group in range(walls.start.size - 1):
-        first = walls.start[group]
-        count = walls.start[group + 1] - first
-        i, which = walls.row[first], walls.corners[walls.facet[first], 3]
+        first = int(walls.start[group])
+        count = int(walls.start[group + 1]) - first
+        i, which = int(walls.row[first]), int(walls.corners[walls.facet[first], 3])
         x = place_of(position, space, i)
         look(walls, walls.body, int(walls.wall[which, OWNER]), x, position[i, RADIUS], first, count)
         for k in range(count):

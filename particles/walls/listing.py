@@ -159,7 +159,7 @@ def near_facets(
             for line in range(first[facet, 1], last[facet, 1] + 1):
                 at = (layer * number[1] + line) * number[0]
                 for place in range(start[at + first[facet, 0]], start[at + last[facet, 0] + 1]):
-                    i = order[place]
+                    i = int(order[place])
                     reach = position[i, RADIUS] + skin
                     x = place_of(position, space, i)
                     apart = False
