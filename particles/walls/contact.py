@@ -13,7 +13,7 @@ from numba import njit
 
 from particles.kinematics import tangent_ratio
 from particles.laws.touch import FLAT, Touch, respond, wall_law
-from particles.system import INLINE, KERNEL, RADIUS, SPENT
+from particles.system import INLINE, INNER, KERNEL, OUTER, RADIUS, SPENT
 from particles.vectors import cross, dot, load, minus, moved, plus, present, scaled, store
 from particles.walls.motion import balance, book, rotated, row_vector, to_reference, turned_by
 from particles.walls.rows import (
@@ -287,7 +287,7 @@ def _material_of(material, i):
     return 0 if material is None else material[i]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def wall_forces(system, terms, step):
     """Add the wall contacts to the forces, set the reactions on walls, accelerations of bodies, and book works.
 
@@ -345,7 +345,7 @@ def _wall_forces(walls, system, terms, step):
     book(body, wall, sums)
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def see_all(walls, position, space, normal, distance, live):
     """Normals (listed, 3), distances (listed,) and which of the listed pairs are contacts (listed,), at present places."""
     for group in range(walls.start.size - 1):

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from particles.neighbours import sort_by_cell
-from particles.system import RADIUS, Walls
+from particles.system import OUTER, RADIUS, Walls
 from particles.walls.contact import closest, place_of
 from particles.walls.rows import (
     BODY,
@@ -138,7 +138,7 @@ def _near(walls, position, axes, skin, vertices, normals, lower, upper) -> tuple
     return row[by_row], facet[by_row]
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def near_facets(
     position, space, order, start, number, first, last, lower, upper, vertices, corners, normals, skin, capacity
 ):

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from particles.kinematics import tangent_ratio
-from particles.system import INLINE, KERNEL, WALLS
+from particles.system import INLINE, INNER, KERNEL, OUTER, WALLS
 from particles.vectors import cross, dot, minus, moved, plus, scaled, store
 from particles.walls.rows import (
     ACCELERATION,
@@ -284,7 +284,7 @@ def balance(body, wall, gravity, step):
             body[b, AGENT + 3 + c] += needed[c]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def move_walls(walls, step, weight):
     """New velocities (accelerations act for the time `weight`) and one step of motion; largest speed of a point, m/s."""
     if walls is None:
@@ -335,7 +335,7 @@ def _turn_frame(body, b, turn):
         store(body[b], FRAME + c, 3, plus(column, turned_by(cayley, column)))
 
 
-@njit(cache=True)
+@njit(**INNER)
 def end_walls(walls, weight):
     """Velocities of free components on to the end of the step."""
     if walls is not None:
@@ -344,7 +344,7 @@ def end_walls(walls, weight):
                 walls.body[b, VELOCITY + c] += weight * walls.body[b, ACCELERATION + c]
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def hold_walls(walls):
     """No increments of the bodies' motion, velocities as they are (for an evaluation at a held time)."""
     if walls is not None:
@@ -356,7 +356,7 @@ def hold_walls(walls):
                 walls.body[b, CAYLEY + c] = 0.0
 
 
-@njit(cache=True)
+@njit(**INNER)
 def walls_travel(walls):
     """Largest distance (m) that a point of a wall may be from where it was when the list was built."""
     if walls is None:
