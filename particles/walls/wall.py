@@ -261,13 +261,16 @@ class Plate(Wall):
 
     Args:
         corners: (k, 2) convex polygon, counter-clockwise (m).
-        options: those of `Wall`.
+        velocity, law, frictionless, name, options: those of `Wall`.
 
     Raises:
         ValueError: the corners are no convex counter-clockwise polygon, or what `Wall` raises.
     """
 
-    def __init__(self, corners: Any, velocity: Motion | None = None, name: str = "plate", **options: Any) -> None:
+    def __init__(
+        self, corners: Any, velocity: Motion | None = None, law: Any = None, frictionless: bool = False, name: str = "plate",
+        **options: Any,
+    ) -> None:  # fmt: skip
         shape = shapes.polygon(corners)
         self.corners = shape.vertices[:, :2].copy()
         edges = np.roll(self.corners, -1, axis=0) - self.corners
@@ -277,7 +280,7 @@ class Plate(Wall):
                 "corners must be those of a convex polygon in counter-clockwise order, no three in a line; for other shapes "
                 "take Wall(shapes.polygon(corners))"
             )
-        super().__init__(shape, velocity, name=name, **options)
+        super().__init__(shape, velocity, law=law, frictionless=frictionless, name=name, **options)
 
     @classmethod
     def rectangle(cls, lower: Sequence[float], upper: Sequence[float], **options: Any) -> Plate:
