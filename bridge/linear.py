@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from particles.walls.listing import moving_arrays
+
 
 class LinearSystem:
     """Context in which a `BridgingScale` steps the linear system: contact law -K q, no loads. Restores everything at the end.
@@ -56,7 +58,7 @@ class LinearSystem:
         return motion + [(array, time * time) for array in self._rule.carried()]
 
     def _side_arrays(self, system):
-        plates = [] if system.walls is None else [system.walls.plates, system.walls.drive_step]
+        plates = [] if system.walls is None else moving_arrays(system.walls)
         return [system.sums, system.clock, system.force, *plates, *self._fine.own_arrays()]
 
     def _local(self) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Discrete elements in Numba: discs and spheres, contact laws and bonds, rigid plates, neighbour list, explicit stepping."""
+"""Discrete elements in Numba: discs and spheres, contact laws and bonds, rigid walls, neighbour list, explicit stepping."""
 
 from pathlib import Path
 
@@ -11,9 +11,9 @@ from particles.cell import PeriodicCell  # noqa: E402
 from particles.laws import Bonded, HertzMindlin, LiChu, UserLaw, linear_sliding  # noqa: E402
 from particles.motion import Unstable  # noqa: E402
 from particles.packing import random_dense  # noqa: E402
-from particles.walls import Plate  # noqa: E402
+from particles.walls import Free, Plate, Servo, Wall, room, shapes  # noqa: E402
 
 __all__ = [
-    "Assembly", "Bonded", "HertzMindlin", "LiChu", "PeriodicCell", "Plate", "Unstable", "UserLaw", "linear_sliding",
-    "random_dense",
+    "Assembly", "Bonded", "Free", "HertzMindlin", "LiChu", "PeriodicCell", "Plate", "Servo", "Unstable", "UserLaw", "Wall",
+    "linear_sliding", "random_dense", "room", "shapes",
 ]  # fmt: skip

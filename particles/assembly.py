@@ -1,4 +1,4 @@
-"""The state of all particles: positions, motion, histories, neighbour list, plates; and the run."""
+"""The state of all particles: positions, motion, histories, neighbour list, walls; and the run."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from particles import energies, listing, motion, network, stability, walls
+from particles import energies, listing, motion, network, stability
 from particles.cell import PeriodicCell, checked_gradient, nearest_image
 from particles.columns import aligned
 from particles.contacts import SCRATCH
@@ -14,11 +14,12 @@ from particles.dispatch import Direct
 from particles.laws.several import Laws
 from particles.motion import Unstable
 from particles.network import rows_of
-from particles.system import RADIUS, SMALLEST_RADIUS, SUMS, TIME, TRAVEL_LIMIT, Breaks, Held, System, Terms, Walls
-from particles.walls import Plate
+from particles.system import RADIUS, SMALLEST_RADIUS, SUMS, TIME, TRAVEL_LIMIT, Breaks, Held, System, Terms
+from particles.walls.listing import arranged, driven
+from particles.walls.servo import set_contact_constants
+from particles.walls.wall import Wall
 
 _advance, _stale, _runaway = Direct(motion.advance), Direct(motion.stale), Direct(motion.runaway)
-_hold_plates = Direct(walls.hold_plates)
 
 SKIN = 0.12  # default skin as a share of the mean radius
 
@@ -81,14 +82,13 @@ class Assembly:
             raise ValueError(f"skin={skin} must be positive (m)")
         self.count = count
         self.generation = 0
-        self.plates: list[Plate] = []
+        self.plates: list[Wall] = []
         self.rebuilds = 0
         self._held: dict[int, np.ndarray] = {}
         self._ids = np.arange(count, dtype=np.int32)  # id of each row
         self._rows = np.arange(count, dtype=np.int32)  # row of each id
         self._ghost = np.zeros(count, dtype=bool)
         self._external: np.ndarray | None = None
-        self._plate_rows: np.ndarray = np.zeros((0, 12))
         self._primed: tuple | None = None
         self._loads: tuple[dict[str, Any], Terms] | None = None  # of the last run
         self._step = 0.0
@@ -412,36 +412,35 @@ class Assembly:
         listing.rebuild(self)
         self._primed = None
 
-    def add_wall(self, *plates: Plate) -> None:
-        """Add rigid plates; from now on they belong to this assembly."""
-        for plate in plates:
-            if not isinstance(plate, Plate):
-                raise ValueError(f"plate={plate!r} must be a Plate")
-            if plate.taken:
-                raise ValueError(f"{plate.name} belongs to an assembly already: make one plate for each")
-        for plate in plates:
-            plate.taken = True
-            self.plates.append(plate)
-            self._plate_rows = np.vstack([self._plate_rows, plate._row])
-        for row, plate in zip(self._plate_rows, self.plates):
-            plate._row = row
+    def add_wall(self, *walls: Wall) -> None:
+        """Add rigid walls; from now on they belong to this assembly.
+
+        Raises:
+            ValueError: no wall, one of the wrong dimension or of another assembly, or one that is fixed to such a wall.
+        """
+        for wall in walls:
+            if not isinstance(wall, Wall):
+                raise ValueError(f"wall={wall!r} must be a Wall or a Plate")
+            if wall.taken:
+                raise ValueError(f"{wall.name} belongs to an assembly already: make one wall for each")
+            if wall.axes != self.axes:
+                kinds = {2: "discs in the plane", 3: "spheres in space"}
+                raise ValueError(
+                    f"{wall.name} has points of {wall.axes} components, but the particles are {kinds[self.axes]}: make its "
+                    f"shape of points of {self.axes} components"
+                )
+            if wall.body_taken and not any(wall.is_fixed_to(other) for other in self.plates):
+                raise ValueError(f"{wall.name} is fixed to a wall of another assembly: fix it to one of this assembly")
+        every = [*self.plates, *walls]
+        of_walls = [wall.laws(self._laws.pairs, self._laws.kinds) for wall in every]
+        numbers = np.array([self._laws.rows(laws) for laws in of_walls])
         before = self._mechanical()
-        corners = np.concatenate([plate.corners for plate in self.plates])
-        ends = np.cumsum([0] + [len(plate.corners) for plate in self.plates]).astype(np.int32)
-        of_plates = [plate.laws(self._laws.pairs, self._laws.kinds) for plate in self.plates]
-        numbers = np.array([self._laws.rows(laws) for laws in of_plates])
         first = len(self._laws.all)
-        self.all_laws[first:] = [law for laws in of_plates for law in laws]
+        self.plates = every
+        self.all_laws[first:] = [law for laws in of_walls for law in laws]
         self._plate_laws = first + np.arange(numbers.shape[0] * numbers.shape[1]).reshape(numbers.shape[:2])
         self._numbers = np.concatenate([self._laws.rows(self._laws.all), numbers.reshape(-1, numbers.shape[2])])
-        none = np.zeros(0, dtype=np.int32)
-        old = self._system.walls
-        room = Walls(
-            self._plate_rows, self._plate_rows[:, :2].copy(), ends, corners, numbers,
-            none if old is None else old.row, none if old is None else old.plate,
-            np.zeros((len(self._laws.columns), 0)) if old is None else old.history,
-            None, np.zeros(1, dtype=np.int64),
-        )  # fmt: skip
+        room = arranged(self.plates, numbers, len(self._laws.columns), self._system.walls)
         self._system = self._system._replace(walls=room)
         listing.rebuild(self)
         self._primed = None
@@ -490,7 +489,7 @@ class Assembly:
         """Make ready for `steps` steps of size `step` (s) in a jitted loop of the caller.
 
         Afterwards the list is valid at the present positions, the accelerations belong to the present state (computed
-        anew only after a change of loads, velocities, plates, ...) and the velocities of driven plates are known for the
+        anew only after a change of loads, velocities, walls, ...) and the velocities of driven walls are known for the
         coming steps. The list may become stale on the way: see `particles.motion`.
 
         Args:
@@ -504,8 +503,10 @@ class Assembly:
         self._step = step
         if _stale(self._system):
             listing.rebuild(self)
-        if self._primed != (terms[4:],):
-            _hold_plates(self._system.walls)
+        set_contact_constants(self)
+        loaded = [wall.has_new_load() for wall in self.plates]  # of all, each is asked once
+        if self._primed != (terms[4:],) or any(loaded):
+            network.hold(self._system.walls)
             if self.cell is not None:
                 self.cell.arrays.rate[:] = self.cell.arrays.gradient @ self.cell.arrays.matrix
             for now, predicted in (("velocity", "predicted"), ("spin", "predicted_spin")):
@@ -514,13 +515,8 @@ class Assembly:
             network.evaluate(self._system, terms, 0.0)
             network.kick(self._system, terms, 0.0)
             self._primed = (terms[4:],)
-        if any(plate.is_driven for plate in self.plates):
-            times = self.time + step * (np.arange(steps) + 0.5)
-            drive = np.array([[plate.velocity_at(time) for plate in self.plates] for time in times])
-            self._system.walls.drive_step[0] = 0
-            self._system = self._system._replace(walls=self._system.walls._replace(drive=drive))
-        elif self._system.walls is not None and self._system.walls.drive is not None:
-            self._system = self._system._replace(walls=self._system.walls._replace(drive=None))
+        if self._system.walls is not None:
+            self._system = self._system._replace(walls=driven(self.plates, self._system.walls, self.time, step, steps))
         return self._system, terms
 
     def advance(self, steps: int, step: float, **loads: Any) -> None:
@@ -561,7 +557,7 @@ class Assembly:
     def trial_forces(self, increment: np.ndarray, velocity: np.ndarray, **loads: Any) -> np.ndarray:
         """Forces (n, freedoms) in ROW order at positions displaced by `increment`, on copies that are discarded.
 
-        Contacts (histories advanced by the increment), plates (where they are now) and loads; dashpots see `velocity`.
+        Contacts (histories advanced by the increment), walls (where they are now) and loads; dashpots see `velocity`.
 
         Args:
             increment: (n, freedoms) in row order, from the present state, m and rad; within the skin of the list.

@@ -9,6 +9,8 @@ import numpy as np
 from particles import system as entries
 from particles.network import contacts
 from particles.network import stored as stored_in
+from particles.walls import motion
+from particles.walls.rows import GIVEN
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
@@ -41,17 +43,22 @@ def kinetic(system: entries.System) -> float:
 
 
 def stored(soil: Assembly) -> dict[str, float]:
-    """Kinetic and elastic energies, J (elastic: histories and overlaps of pairs and plates)."""
+    """Kinetic and elastic energies, J (elastic: histories and overlaps of pairs and walls; walls: the free ones)."""
     elastic = stored_in(soil, contacts(soil, with_walls=True))
-    return {"kinetic": kinetic(soil._system), **{f"elastic_{name}": energy for name, energy in elastic.items()}}
+    walls = soil._system.walls
+    return {
+        "kinetic": kinetic(soil._system), **{f"elastic_{name}": energy for name, energy in elastic.items()},
+        "kinetic_walls": 0.0 if walls is None else motion.kinetic(walls.body),
+    }  # fmt: skip
 
 
 def table(soil: Assembly) -> dict[str, float]:
-    """All terms, J; "imposed" is what the initial state and assignments of the caller put in."""
+    """All terms, J; "wall_work" is that of what moves the walls, loads and gravity on free ones included; "imposed" is what the initial state and assignments of the caller put in."""
     sums = soil._system.sums
     terms = stored(soil)
     terms.update({name: float(sums[entry]) for name, entry in {**_DISSIPATED, **_WORKS}.items()})
-    terms["imposed"] = soil._imposed
+    walls = soil._system.walls
+    terms["imposed"] = soil._imposed + (0.0 if walls is None else float(walls.body[:, GIVEN].sum()))
     return terms
 
 

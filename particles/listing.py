@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from particles import neighbours, walls
+from particles import neighbours
 from particles.cell import PeriodicCell, reduce_tilt
 from particles.columns import aligned
 from particles.motion import Unstable
-from particles.system import RADIUS, TRAVEL, Walls
+from particles.system import RADIUS, TRAVEL
+from particles.walls.listing import listed
+from particles.walls.servo import set_contact_constants
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
@@ -53,12 +55,13 @@ def rebuild(soil: Assembly) -> None:
     )
     changed.update(start=start, first=first, second=second, history=history, listed=position[:, :axes].copy())
     if system.walls is not None:
-        changed["walls"] = _list_walls(soil, position, system.walls, old_row_of)
+        changed["walls"] = listed(system.walls, position, axes, soil.skin, old_row_of)
     system.clock[TRAVEL] = 0.0
     if system.cell is not None:
         system.cell.listed[:] = system.cell.matrix
     soil._system = system._replace(**changed)
     soil.rebuilds += 1
+    set_contact_constants(soil)
     if soil._held:
         soil._compose_held()
 
@@ -95,12 +98,3 @@ def _sort(soil: Assembly, width: float, changed: dict[str, Any]) -> np.ndarray:
     soil._sorted_at = np.ascontiguousarray(changed["position"][soil._rows, : soil.axes])
     soil.generation += 1
     return order
-
-
-def _list_walls(soil: Assembly, position: np.ndarray, old: Walls, old_row_of: np.ndarray) -> Walls:
-    row, plate = walls.list_walls(position, old.plates, old.corner_start, old.corners, soil.skin)
-    history = np.zeros((len(soil._laws.columns), row.size))
-    new_row_of = np.empty_like(old_row_of)
-    new_row_of[old_row_of] = np.arange(soil.count, dtype=np.int32)
-    walls.carry_wall_history(row, plate, history, old.row, old.plate, old.history, new_row_of)
-    return old._replace(row=row, plate=plate, history=history, listed=old.plates[:, :2].copy())

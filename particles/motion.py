@@ -32,8 +32,6 @@ from particles.system import (
     LOCAL_DAMPING,
     MASS_DAMPING,
     OUTER,
-    PLATE_UX,
-    PLATE_UY,
     POWER,
     RADIUS,
     SMALLEST_RADIUS,
@@ -44,7 +42,8 @@ from particles.system import (
     VISCOUS,
 )  # fmt: skip
 from particles.vectors import in_plane
-from particles.walls import move_plates, wall_forces
+from particles.walls.contact import wall_forces
+from particles.walls.motion import end_walls, move_walls, walls_travel
 
 FINISHED, STALE, UNSTABLE = 0, 1, 2
 CHECK_INTERVAL = 32  # steps between two looks for blow-up
@@ -294,14 +293,14 @@ def _restore(held, spin, system, weight, step):
 
 @njit(**INNER)
 def drift(system, terms, step):
-    """First half kick and drift: velocities to the middle of the step, positions and plates to its end."""
+    """First half kick and drift: velocities to the middle of the step, positions and walls to its end."""
     _suspend(system.held, system.spin, system)
     _arrive(system, _drift(system, system.spin, terms, step), step, 0.5 * step)
 
 
 @njit(**INNER)
 def kick_drift(system, terms, step):
-    """After `evaluate`: accelerations, velocities on to the middle of the next step, positions and plates to its end."""
+    """After `evaluate`: accelerations, velocities on to the middle of the next step, positions and walls to its end."""
     _suspend(system.held, system.spin, system)
     _arrive(system, _kick(system, system.spin, terms, step, 1), step, step)
 
@@ -309,9 +308,9 @@ def kick_drift(system, terms, step):
 @njit(**INNER)
 def _arrive(system, fastest, step, weight):
     held = _restore(system.held, system.spin, system, weight, step)
-    plates = move_plates(system.walls, step)
+    walls = move_walls(system.walls, step, weight)
     move_cell(system.cell, step)
-    system.clock[TRAVEL] += step * max(math.sqrt(max(fastest, held)), plates)
+    system.clock[TRAVEL] += step * max(math.sqrt(max(fastest, held)), walls)
     system.clock[TIME] += step
 
 
@@ -321,6 +320,7 @@ def kick(system, terms, step):
     _suspend(system.held, system.spin, system)
     _kick(system, system.spin, terms, step, 0)
     _restore(system.held, system.spin, system, 0.5 * step, 0.0)
+    end_walls(system.walls, 0.5 * step)
 
 
 @njit(**INNER)
@@ -345,7 +345,7 @@ def _load(force, torque, lightness, gravity, external):
 
 @njit(**OUTER)
 def evaluate(system, terms, step):
-    """Forces (loads, pair contacts, plates) at the present positions; histories advance by the step just moved.
+    """Forces (loads, pair contacts, walls) at the present positions; histories advance by the step just moved.
 
     Row velocities must be those of the middle of the step (step times velocity = displacement since the last evaluation).
     """
@@ -365,18 +365,6 @@ def moved(system, distance):
     system.clock[TRAVEL] += distance
 
 
-@njit(**INNER)
-def _plates_travel(walls):
-    if walls is None:
-        return 0.0
-    largest = 0.0
-    for k in range(walls.plates.shape[0]):
-        dx = walls.plates[k, PLATE_UX] - walls.listed[k, 0]
-        dy = walls.plates[k, PLATE_UY] - walls.listed[k, 1]
-        largest = max(largest, math.hypot(dx, dy))
-    return largest
-
-
 @njit(**OUTER)
 def stale(system):
     """Whether the list must be rebuilt before the next `evaluate`: something moved by more than half the skin.
@@ -386,7 +374,7 @@ def stale(system):
     clock = system.clock
     if clock[TRAVEL] <= clock[TRAVEL_LIMIT]:
         return False
-    clock[TRAVEL] = max(travelled(system.position, system.listed, system.cell), _plates_travel(system.walls))
+    clock[TRAVEL] = max(travelled(system.position, system.listed, system.cell), walls_travel(system.walls))
     return not clock[TRAVEL] <= clock[TRAVEL_LIMIT]
 
 

@@ -7,33 +7,36 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from particles import motion, neighbours, walls
+from particles import motion, neighbours
 from particles.cell import PeriodicCell, nearest_image
 from particles.dispatch import Direct
 from particles.laws.touch import FLAT, Touch, respond, with_numbers
-from particles.system import INLINE, OUTER, PLATE_DX, PLATE_DY, RADIUS, System, Terms
+from particles.system import INLINE, OUTER, RADIUS, System, Terms
 from particles.vectors import load
+from particles.walls.contact import see_all
+from particles.walls.motion import hold_walls
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
 
 
-evaluate, kick = Direct(motion.evaluate), Direct(motion.kick)
+evaluate, kick, hold = Direct(motion.evaluate), Direct(motion.kick), Direct(hold_walls)
+_see_all = Direct(see_all)
 
 
 class Contacts(NamedTuple):
-    """Contacts with the elastic part of their forces (dashpots are left out); plates have no id: second = -1.
+    """Contacts with the elastic part of their forces (dashpots are left out); walls have no id: second = -1.
 
     `d` is 2 or 3; rotational quantities have one component in the plane and three in space.
     """
 
     first: np.ndarray  # (k,) id of particle i
-    second: np.ndarray  # (k,) id of particle j, -1 for a plate
-    plate: np.ndarray  # (k,) index of the plate, -1 for pairs of particles
+    second: np.ndarray  # (k,) id of particle j, -1 for a wall
+    plate: np.ndarray  # (k,) index of the wall, -1 for pairs of particles
     normal: np.ndarray  # (k, d) from i to j, unit
     overlap: np.ndarray  # (k,) m, negative for a gap
     first_arm: np.ndarray  # (k,) lever arm of i, m
-    second_arm: np.ndarray  # (k,) lever arm of j, m (0 for a plate)
+    second_arm: np.ndarray  # (k,) lever arm of j, m (0 for a wall)
     push: np.ndarray  # (k,) normal force, N
     force: np.ndarray  # (k, d) on i, N
     moment: np.ndarray  # (k,) or (k, 3) couple on i from rolling and torsion, N m
@@ -42,13 +45,13 @@ class Contacts(NamedTuple):
 
 
 def rolling_radius(contacts: Contacts) -> np.ndarray:
-    """Rolling radius of each contact (k,), m: l_i l_j / (l_i + l_j), for a plate l_i."""
+    """Rolling radius of each contact (k,), m: l_i l_j / (l_i + l_j), for a wall l_i."""
     a, b = contacts.first_arm, contacts.second_arm
     return np.where(contacts.plate >= 0, a, a * b / np.where(a + b > 0.0, a + b, 1.0))
 
 
 def radii_of(soil: Assembly, contacts: Contacts) -> np.ndarray:
-    """Radii of both sides (k, 2), m; FLAT for plates."""
+    """Radii of both sides (k, 2), m; FLAT for walls."""
     radii = soil.radii
     return np.column_stack([radii[contacts.first], np.where(contacts.plate >= 0, FLAT, radii[contacts.second])])
 
@@ -162,7 +165,7 @@ def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray,
 
 
 def contacts(soil: Assembly, with_walls: bool = False, contact_range: float = 0.0) -> Contacts:
-    """Contacts of particles, and with plates on request; forces are zero where there is a gap."""
+    """Contacts of particles, and with walls on request; forces are zero where there is a gap."""
     if not (np.isfinite(contact_range) and contact_range >= 0.0):
         raise ValueError(f"contact_range={contact_range} must be zero or positive (share of the radii)")
     system, axes = soil._system, soil.axes
@@ -188,21 +191,18 @@ def contacts(soil: Assembly, with_walls: bool = False, contact_range: float = 0.
 
 
 def _wall_contacts(soil: Assembly, contact_range: float) -> Contacts:
-    system = soil._system
-    plates = system.walls
-    normal = np.zeros((plates.row.size, 2))
-    distance = np.zeros(plates.row.size)
-    for c, (i, k) in enumerate(zip(plates.row, plates.plate)):
-        x, y = system.position[i, :2] - plates.plates[k, :2]
-        first, last = plates.corner_start[k : k + 2]
-        normal[c, 0], normal[c, 1], distance[c], _ = walls.closest_point(plates.corners, first, last, x, y)
-    radius = system.position[plates.row, RADIUS]
-    near = radius * (1.0 + contact_range) > distance
-    row, plate, normal, distance = (a[near] for a in (plates.row, plates.plate, normal, distance))
+    system, axes = soil._system, soil.axes
+    listed = system.walls
+    size = listed.row.size
+    normal, distance, live = np.zeros((size, 3)), np.zeros(size), np.zeros(size)
+    _see_all(listed, system.position, None if axes == 2 else 1, normal, distance, live)
+    radius = system.position[listed.row, RADIUS]
+    near = (radius * (1.0 + contact_range) > distance) & (live > 0.0)
+    row, wall, normal, distance = listed.row[near], listed.corners[listed.facet[near], 3], normal[near, :axes], distance[near]
     material = np.zeros(row.size, dtype=np.int64) if system.material is None else system.material[row]
     return _assemble(
-        soil, soil._ids[row], np.full(row.size, -1), plate, normal, radius[near] - distance, distance,
-        np.zeros(row.size), plates.history[:, near], soil._plate_laws[plate, material],
+        soil, soil._ids[row], np.full(row.size, -1), wall.astype(np.int64), normal, radius[near] - distance, distance,
+        np.zeros(row.size), listed.history[:-1, near], soil._plate_laws[wall, material],
     )  # fmt: skip
 
 
@@ -267,12 +267,13 @@ def trial_forces(
         changed[force] = np.zeros_like(getattr(system, force))
     trial = system._replace(**changed)
     if system.walls is not None:
-        plates, history = system.walls.plates.copy(), system.walls.history
+        history = system.walls.history if before is None else before.wall_history
+        walls = system.walls._replace(
+            body=system.walls.body.copy(), wall=system.walls.wall.copy(), history=history.copy()
+        )
         if before is None:
-            plates[:, PLATE_DX] = plates[:, PLATE_DY] = 0.0
-        else:
-            history = before.wall_history
-        trial = trial._replace(walls=system.walls._replace(plates=plates, history=history.copy()))
+            hold(walls)
+        trial = trial._replace(walls=walls)
     evaluate(trial, terms, 1.0)
     return rows_of(trial.force, trial.torque)
 

@@ -49,26 +49,26 @@ SUMS = 15
 # Entries of `System.clock`
 TIME, TRAVEL, TRAVEL_LIMIT, SMALLEST_RADIUS = range(4)
 
-# Columns of `Walls.plates`: displacement, velocity, displacement increment of the last step, reaction on the plate
-# (force, moment about the reference point), work done on the particles, reference point
-(
-    PLATE_UX, PLATE_UY, PLATE_VX, PLATE_VY, PLATE_DX, PLATE_DY, PLATE_FX, PLATE_FY, PLATE_MOMENT, PLATE_WORK,
-    PLATE_X, PLATE_Y,
-) = range(12)  # fmt: skip
-
 
 class Walls(NamedTuple):
-    """Rigid plates and the discs listed near them."""
+    """Facets of all walls, the particles listed near them, and the motion of the rigid bodies that carry them.
 
-    plates: Any  # (plates, 12) float64, columns above
-    listed: Any  # (plates, 2) displacement at the last list build
-    corner_start: Any  # (plates + 1,) int32
-    corners: Any  # (corners, 2) reference positions, counter-clockwise
-    laws: Any  # (plates, materials, numbers) constants
-    row: Any  # (listed,) int32: disc
-    plate: Any  # (listed,) int32: plate
-    history: Any  # (columns, listed)
-    drive: Any  # None or (steps, plates, 2): velocities of the coming steps
+    Columns of `body`, `wall` and `near` are named in `particles.walls.rows`. Corners of a facet are those of its wall in the
+    reference position; in the plane z is zero.
+    """
+
+    vertices: Any  # (vertices, 3)
+    corners: Any  # (facets, 4) int32: vertices (-1 for one that is not there) and wall
+    normals: Any  # (facets, 3)
+    laws: Any  # (walls, materials, numbers) constants
+    start: Any  # (groups + 1,) int32: first listed pair of each group of one particle and one wall
+    row: Any  # (listed,) int32: particle
+    facet: Any  # (listed,) int32
+    history: Any  # (columns + 1, listed); the last line is 1 where the pair was a contact of its own
+    near: Any  # (largest group, columns): room for the geometry of one group
+    body: Any  # (bodies, columns)
+    wall: Any  # (walls, columns)
+    drive: Any  # None or (steps, bodies, 12): velocities in the middle and at the end of the coming steps
     drive_step: Any  # (1,) int64: row of `drive` for the next step
 
 

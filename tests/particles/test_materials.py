@@ -40,7 +40,7 @@ def test_each_pair_has_its_own_law():
 def test_plates_and_discs_that_cannot_be_are_refused():
     plate = Plate.rectangle((0.0, -2.0), (1.0, -1.0), name="floor")
     soil = Assembly([(0.0, 0.0)], 0.5, 2600.0, FULL)
-    with pytest.raises(ValueError, match="plate=5 must be a Plate"):
+    with pytest.raises(ValueError, match="wall=5 must be a Wall"):
         soil.add_wall(5)
     soil.add_wall(plate)
     for other in (soil, Assembly([(0.0, 0.0)], 0.5, 2600.0, FULL)):

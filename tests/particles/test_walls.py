@@ -4,22 +4,24 @@ import numpy as np
 import pytest
 
 from particles import Assembly, LiChu, Plate
-from particles.walls import closest_point
 from tests.particles.scenes import ALL, PAPER
 
 FLOOR = ((-5.0, -1.0), (5.0, 0.0))
 
 
 def test_closest_point_on_faces_corners_and_inside():
-    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     cases = {
-        (0.5, 1.3): (0, -1, 0.3, False),  # above a face
-        (-0.2, 0.4): (1, 0, 0.2, False),
-        (1.3, 1.4): (-0.6, -0.8, 0.5, True),  # off a corner
-        (0.9, 0.5): (-1, 0, -0.1, False),  # inside: pushed out by the nearest face
+        (0.5, 1.3): (0, -1, 0.3),  # above a face
+        (-0.2, 0.4): (1, 0, 0.2),
+        (1.3, 1.4): (-0.6, -0.8, 0.5),  # off a corner
+        (0.9, 0.5): (-1, 0, -0.1),  # inside: pushed out by the nearest face
     }
     for point, expected in cases.items():
-        assert closest_point(square, 0, 4, *point) == pytest.approx(expected)
+        soil = Assembly([point], 0.6, law=PAPER)
+        soil.add_wall(Plate.rectangle((0, 0), (1, 1)))
+        found = soil.contacts(walls=True)
+        assert len(found.first) == 1
+        assert (*found.normal[0], found.first_arm[0]) == pytest.approx(expected)
 
 
 def test_disc_at_rest_on_a_floor_and_reaction_on_the_plate():

@@ -1,0 +1,360 @@
+"""Contact of particles with the facets of walls: closest points, which of them count, forces and reactions.
+
+A contact is a local minimum of the distance from the particle's centre to the wall's surface. So the closest point of a
+facet on one of its edges or corners counts only if it is the closest point of every facet that shares that edge or corner
+(and then once), and not where a neighbour sees the particle on its face; a concave corner gives one contact for each face.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from particles.kinematics import tangent_ratio
+from particles.laws.touch import FLAT, Touch, respond, wall_law
+from particles.system import INLINE, INNER, KERNEL, OUTER, RADIUS, SPENT
+from particles.vectors import cross, dot, load, minus, moved, plus, present, scaled, store
+from particles.walls.motion import balance, book, rotated, row_vector, to_reference, turned_by
+from particles.walls.rows import (
+    ACTION,
+    CAYLEY,
+    CENTRE,
+    DISTANCE,
+    EDGE,
+    FACE,
+    INCREMENT,
+    LIGHTNESS,
+    LIVE,
+    NORMAL,
+    OWNER,
+    PART,
+    PLACE,
+    POINT,
+    PREDICTED,
+    SMOOTH,
+    SOLID,
+    TOUCHING,
+)  # fmt: skip
+
+SAME_POINT = 1e-6  # closest points nearer to each other than this share of the radius are one
+
+
+@njit(**KERNEL)
+def closest(vertices, corners, normals, facet, x):
+    """Closest point of a facet to x (Ericson 2005, Real-Time Collision Detection, 5.1.5), reference position of the wall.
+
+    Returns:
+        The point, the part of the facet that it lies on (FACE or bits of corners), height of x over the facet's plane (m).
+    """
+    a, b, c = int(corners[facet, 0]), int(corners[facet, 1]), int(corners[facet, 2])
+    first, normal = row_vector(vertices, a, 0), row_vector(normals, facet, 0)
+    from_a = minus(x, first)
+    height = dot(normal, from_a)
+    foot = moved(x, -height, normal)
+    if b < 0:  # a plane
+        return foot, FACE, height
+    second = row_vector(vertices, b, 0)
+    ab = minus(second, first)
+    a1 = dot(ab, from_a)
+    if c < 0:  # a segment
+        if a1 <= 0.0:
+            return first, 1, height
+        return (second, 2, height) if a1 >= dot(ab, ab) else (foot, FACE, height)
+    third = row_vector(vertices, c, 0)
+    ac, from_b, from_c = minus(third, first), minus(x, second), minus(x, third)
+    a2, b1, b2, c1, c2 = dot(ac, from_a), dot(ab, from_b), dot(ac, from_b), dot(ab, from_c), dot(ac, from_c)
+    if a1 <= 0.0 and a2 <= 0.0:
+        return first, 1, height
+    if b1 >= 0.0 and b2 <= b1:
+        return second, 2, height
+    if c2 >= 0.0 and c1 <= c2:
+        return third, 4, height
+    if a1 * b2 - b1 * a2 <= 0.0 and a1 >= 0.0 and b1 <= 0.0:
+        return moved(first, a1 / (a1 - b1), ab), 3, height
+    if c1 * a2 - a1 * c2 <= 0.0 and a2 >= 0.0 and c2 <= 0.0:
+        return moved(first, a2 / (a2 - c2), ac), 5, height
+    if b1 * c2 - c1 * b2 <= 0.0 and b2 >= b1 and c1 >= c2:
+        return moved(second, (b2 - b1) / ((b2 - b1) + (c1 - c2)), minus(third, second)), 6, height
+    return foot, FACE, height
+
+
+@njit(**KERNEL)
+def _shared(corners, facet, other):
+    """Bits of the corners of a facet that another one has as well."""
+    bits = 0
+    for k in range(3):
+        for m in range(3):
+            if corners[facet, k] == corners[other, m] and corners[facet, k] >= 0:
+                bits |= 1 << k
+    return bits
+
+
+@njit(**KERNEL)
+def _counts(near, corners, facet, first, count, k, smooth, radius):
+    """Whether listed pair k of a particle and a wall is a contact of its own."""
+    part, size = near[k, PART], abs(near[k, DISTANCE])
+    for m in range(count):
+        if m == k:
+            continue
+        other = abs(near[m, DISTANCE])
+        nearer = other < size or (other == size and m < k)
+        if nearer and near[k, DISTANCE] < 0.0:
+            return False  # behind a face of a solid only the nearest face pushes
+        gap = minus(row_vector(near, m, POINT), row_vector(near, k, POINT))
+        if dot(gap, gap) <= (SAME_POINT * radius) ** 2:
+            if nearer:
+                return False
+            continue
+        shared = _shared(corners, facet[first + k], facet[first + m])
+        if part != FACE:
+            if shared & int(part) == int(part):
+                return False
+        elif nearer and shared != 0 and near[m, PART] == FACE:
+            if dot(row_vector(near, k, NORMAL), row_vector(near, m, NORMAL)) >= smooth:
+                return False
+    return True
+
+
+@njit(**KERNEL)
+def look(walls, body, owner, x, radius, first, count):
+    """Geometry of the pairs first, first + 1, ... of one particle and one wall into the rows of `walls.near`.
+
+    Args:
+        owner: row of the wall's body in `body`.
+        x: centre of the particle (3,), m.
+    """
+    near, corners = walls.near, walls.corners
+    wall = int(corners[walls.facet[first], 3])
+    solid = walls.wall[wall, SOLID] > 0.0
+    place = to_reference(body, owner, x)
+    for k in range(count):
+        facet = int(walls.facet[first + k])
+        point, part, height = closest(walls.vertices, corners, walls.normals, facet, place)
+        side = -1.0 if height < 0.0 and not solid else 1.0
+        normal, distance, edge = scaled(-side, row_vector(walls.normals, facet, 0)), side * height, (0.0, 0.0, 0.0)
+        if part != FACE:
+            way = minus(point, place)
+            distance = math.sqrt(dot(way, way))
+            if distance > 0.0:
+                normal = scaled(1.0 / distance, way)
+            else:  # a centre right on an edge or corner is pushed as by the face
+                part = FACE
+            if part & (part - 1) != 0 and part != FACE:  # two corners: an edge
+                a = int(corners[facet, 0 if part & 1 else 1])
+                b = int(corners[facet, 2 if part & 4 else 1])
+                way = minus(row_vector(walls.vertices, b, 0), row_vector(walls.vertices, a, 0))
+                edge = rotated(body, owner, scaled(1.0 / math.sqrt(dot(way, way)), way))
+        store(near[k], NORMAL, 1, rotated(body, owner, normal))
+        store(near[k], EDGE, 1, edge)
+        store(near[k], POINT, 1, point)
+        near[k, DISTANCE], near[k, PART] = distance, part
+    for k in range(count):
+        near[k, LIVE] = 1.0 if _counts(near, corners, walls.facet, first, count, k, walls.wall[wall, SMOOTH], radius) else 0.0
+
+
+@njit(**KERNEL)
+def _hand_over(history, near, first, count):
+    """A new contact takes the history of the nearest one that is no contact any more; the last line says which were one."""
+    flag = history.shape[0] - 1
+    for k in range(count):
+        if near[k, LIVE] == 0.0 or history[flag, first + k] != 0.0:
+            continue
+        best, least = -1, 1e300
+        for m in range(count):
+            if near[m, LIVE] == 0.0 and history[flag, first + m] != 0.0:
+                gap = minus(row_vector(near, m, POINT), row_vector(near, k, POINT))
+                if dot(gap, gap) < least:
+                    best, least = m, dot(gap, gap)
+        for line in range(flag + 1):
+            history[line, first + k] = history[line, first + best] if best >= 0 else 0.0
+            if best >= 0:
+                history[line, first + best] = 0.0
+
+
+@njit(**INLINE)
+def _motion_of(translation, rotation, space, i):
+    """Velocity and spin of row i in three components (zeros without rows; `space`: None in the plane)."""
+    if translation is None:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if space is not None:
+        return row_vector(translation, i, 0), row_vector(rotation, i, 0)
+    return (translation[i, 0], translation[i, 1], 0.0), (0.0, 0.0, translation[i, 2])
+
+
+@njit(**KERNEL)
+def _increments(near, k, body, owner, arm, shift, turn):
+    """Kinematics of one contact in the step, seen from the wall, in the axes of the step's end.
+
+    The closest point travels along the wall with the particle: on a face in both directions, on an edge along it, at a
+    corner not at all; the rest of the motion turns the normal. A rigid motion of both of any size causes no increments.
+
+    Args:
+        arm: from the body's centre to the particle's, at the end of the step, m.
+        shift, turn: of the particle in the step, m and rad.
+
+    Returns:
+        Sliding (3,) and mean lever arm, m; rolling and twisting together (3,), rad; old normal in the axes of the end.
+    """
+    normal, distance = row_vector(near, k, NORMAL), near[k, DISTANCE]
+    relative = minus(shift, row_vector(body, owner, INCREMENT))
+    seen = plus(relative, turned_by(row_vector(body, owner, CAYLEY), minus(relative, arm)))
+    if near[k, PART] == FACE:
+        height = dot(normal, seen)
+        travel, before, old_normal = moved(seen, -height, normal), distance + height, normal
+    else:
+        edge = row_vector(near, k, EDGE)
+        travel = scaled(dot(edge, seen), edge)
+        old = minus(moved(seen, distance, normal), travel)
+        before = math.sqrt(dot(old, old))
+        old_normal = scaled(1.0 / before, old)
+    mean = 0.5 * (distance + before)
+    own = scaled(tangent_ratio(0.25 * dot(turn, turn)), turn)
+    roll = moved(own, -2.0, row_vector(body, owner, CAYLEY))
+    middle = scaled(0.5, plus(normal, old_normal))
+    slide = minus(moved(scaled(mean, minus(normal, old_normal)), -mean, cross(roll, middle)), travel)
+    return slide, mean, roll, old_normal
+
+
+@njit(**KERNEL)
+def _rates(normal, distance, body, owner, arm, velocity, spin):
+    """Opening and sliding velocity, relative spin at the end of the step."""
+    wall_spin = row_vector(body, owner, PREDICTED + 3)
+    point = moved(arm, distance, normal)
+    rate = minus(plus(row_vector(body, owner, PREDICTED), cross(wall_spin, point)), velocity)
+    opening = dot(rate, normal)
+    return opening, moved(moved(rate, -opening, normal), -distance, cross(spin, normal)), minus(spin, wall_spin)
+
+
+@njit(**KERNEL)
+def _carrying(normal, old_normal, turn, body, owner):
+    """How tangential vectors turn in the step, as for a pair: half the sum of both rotations, then with the normal."""
+    cayley = row_vector(body, owner, CAYLEY)
+    both = plus(turn, row_vector(body, owner, INCREMENT + 3))
+    half = scaled(0.25 * tangent_ratio(0.0625 * dot(both, both)), both)
+    before = plus(old_normal, turned_by(scaled(-1.0, cayley), old_normal))
+    return half, plus(before, turned_by(half, before)), normal
+
+
+@njit(**KERNEL)
+def _answer(space, law, near, k, body, owner, arm, shift, turn, velocity, spin, radius, mass, values, place, stride, blank):
+    """The law's answer to one contact (`space`: None for discs): force and couple on the particle (3,), energies spent."""
+    normal, distance = row_vector(near, k, NORMAL), near[k, DISTANCE]
+    slide, mean, roll, old_normal = _increments(near, k, body, owner, arm, shift, turn)
+    opening, slide_rate, roll_rate = _rates(normal, distance, body, owner, arm, velocity, spin)
+    overlap = radius - distance if near[k, LIVE] != 0.0 else -radius  # a contact that is none any more opens
+    if space is None:
+        tangent = (-normal[1], normal[0], 0.0)
+        touch = Touch(
+            overlap, opening, (dot(slide, tangent),), (dot(slide_rate, tangent),), (roll[2],), (roll_rate[2],), 0.0, 0.0,
+            mean, distance, (normal[0], normal[1]), distance, (radius, FLAT), mass, (),
+        )  # fmt: skip
+        response = respond(law, touch, load(values, place, stride, blank))
+        tangential, couple = scaled(response.tangential[0], tangent), (0.0, 0.0, response.couple[0])
+    else:
+        twist, twist_rate = dot(roll, normal), dot(roll_rate, normal)
+        touch = Touch(
+            overlap, opening, slide, slide_rate, moved(roll, -twist, normal), moved(roll_rate, -twist_rate, normal),
+            twist, twist_rate, mean, distance, normal, distance, (radius, FLAT), mass,
+            _carrying(normal, old_normal, turn, body, owner),
+        )  # fmt: skip
+        response = respond(law, touch, load(values, place, stride, blank))
+        tangential, couple = response.tangential, response.couple
+    store(values, place, stride, response.history)
+    return moved(tangential, -response.normal, normal), couple, response.spent, overlap
+
+
+@njit(**INLINE)
+def _add_to_row(force, torque, i, push, moment):
+    if torque is None:
+        force[i, 0] += push[0]
+        force[i, 1] += push[1]
+        force[i, 2] += moment[2]
+    else:
+        for c in range(3):
+            force[i, c] += push[c]
+            torque[i, c] += moment[c]
+
+
+@njit(**INLINE)
+def place_of(position, space, i):
+    """Centre of row i in three components."""
+    return position[i, 0], position[i, 1], 0.0 if space is None else position[i, 2]
+
+
+@njit(**INLINE)
+def _material_of(material, i):
+    return 0 if material is None else material[i]
+
+
+@njit(**INNER)
+def wall_forces(system, terms, step):
+    """Add the wall contacts to the forces, set the reactions on walls, accelerations of bodies, and book works.
+
+    Row velocities are those of the middle of the step, as for pairs; the increments of the bodies are in their rows (zero
+    while they are held).
+    """
+    _wall_forces(system.walls, system, terms, step)
+
+
+@njit(**KERNEL)
+def _wall_forces(walls, system, terms, step):
+    if walls is None:
+        return
+    body, wall, near, history, sums = walls.body, walls.wall, walls.near, walls.history, system.sums
+    space = present(system.spin)
+    stride = history.shape[1]
+    values = history.reshape(history.size)
+    book(body, wall, sums)
+    wall[:, ACTION : ACTION + 6] = 0.0
+    body[:, TOUCHING] = 0.0
+    for group in range(walls.start.size - 1):
+        first = int(walls.start[group])
+        count = int(walls.start[group + 1]) - first
+        i, which = int(walls.row[first]), int(walls.corners[walls.facet[first], 3])
+        owner = int(wall[which, OWNER])
+        x, radius = place_of(system.position, space, i), system.position[i, RADIUS]
+        look(walls, body, owner, x, radius, first, count)
+        _hand_over(history, near, first, count)
+        arm = minus(x, plus(row_vector(body, owner, CENTRE), row_vector(body, owner, PLACE)))
+        speed, rotation = _motion_of(system.velocity, system.spin, space, i)
+        velocity, spin = _motion_of(system.predicted, system.predicted_spin, space, i)
+        lightness = system.lightness[i, 0] + max(
+            body[owner, LIGHTNESS], body[owner, LIGHTNESS + 1], body[owner, LIGHTNESS + 2]
+        )
+        law = wall_law(terms.law, walls.laws[which, _material_of(system.material, i)])
+        for k in range(count):
+            flag = near[k, LIVE]
+            if flag == 0.0 and history[-1, first + k] == 0.0:
+                continue
+            push, couple, spent, overlap = _answer(
+                space, law, near, k, body, owner, arm, scaled(step, speed), scaled(step, rotation), velocity, spin, radius,
+                1.0 / lightness, values, first + k, stride, terms.blank,
+            )  # fmt: skip
+            history[-1, first + k] = flag
+            for entry in range(SPENT):
+                sums[entry] += spent[entry]
+            lever = scaled(near[k, DISTANCE], row_vector(near, k, NORMAL))
+            _add_to_row(system.force, system.torque, i, push, plus(cross(lever, push), couple))
+            moment = plus(cross(plus(arm, lever), push), couple)
+            for c in range(3):
+                wall[which, ACTION + c] -= push[c]
+                wall[which, ACTION + 3 + c] -= moment[c]
+            body[owner, TOUCHING] += 1.0 if overlap > 0.0 else 0.0
+    balance(body, wall, terms.gravity, step)
+    book(body, wall, sums)
+
+
+@njit(**OUTER)
+def see_all(walls, position, space, normal, distance, live):
+    """Normals (listed, 3), distances (listed,) and which of the listed pairs are contacts (listed,), at present places."""
+    for group in range(walls.start.size - 1):
+        first = int(walls.start[group])
+        count = int(walls.start[group + 1]) - first
+        i, which = int(walls.row[first]), int(walls.corners[walls.facet[first], 3])
+        x = place_of(position, space, i)
+        look(walls, walls.body, int(walls.wall[which, OWNER]), x, position[i, RADIUS], first, count)
+        for k in range(count):
+            distance[first + k], live[first + k] = walls.near[k, DISTANCE], walls.near[k, LIVE]
+            for c in range(3):
+                normal[first + k, c] = walls.near[k, NORMAL + c]
