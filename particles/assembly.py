@@ -418,6 +418,8 @@ class Assembly:
         Raises:
             ValueError: no wall, one of the wrong dimension or of another assembly, or one that is fixed to such a wall.
         """
+        if self.cell is not None:
+            raise ValueError("walls do not go with a periodic cell: leave one of the two out")
         for wall in walls:
             if not isinstance(wall, Wall):
                 raise ValueError(f"wall={wall!r} must be a Wall or a Plate")

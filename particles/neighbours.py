@@ -78,8 +78,11 @@ def cell_grid(places, width, axes, box):
         if _wraps(box, k):
             long[k] = _reach_of(box, k)
             continue
-        low[k] = at[:, k].min()
-        long[k] = at[:, k].max() - low[k]
+        low[k] = high = at[0, k]
+        for i in range(count):
+            low[k] = min(low[k], at[i, k])
+            high = max(high, at[i, k])
+        long[k] = high - low[k]
     while True:
         cells = 1.0
         for k in range(axes):
@@ -88,13 +91,14 @@ def cell_grid(places, width, axes, box):
             break
         width *= 1.5
     number = np.ones(3, dtype=np.int64)
-    scale = np.full(3, 1.0 / width)
+    scale = np.zeros(3)
     for k in range(axes):
         if _wraps(box, k):
             number[k] = max(3, int(long[k] / width))
             scale[k] = number[k]
         else:
             number[k] = int(long[k] / width) + 1
+            scale[k] = 1.0 / width
     cell = np.empty(count, dtype=np.int32)
     for i in range(count):
         place = 0
