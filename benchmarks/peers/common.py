@@ -105,6 +105,23 @@ def outcome(scene: Scene, seconds: float, table: np.ndarray) -> Outcome:
     return Outcome(seconds, table[:, :2], table[:, [3, 4, 8]])
 
 
+def arrays(scene: Scene) -> dict[str, Any]:
+    """Everything of a scene by name, for programs that are driven by a Python script; planes as (axis, sense, place)."""
+    places, velocities, spins = scene.in_space()
+    law, flat = scene.law, scene.axes == 2
+    bounds = []
+    if scene.box is not None:
+        for sense, corner in zip((1, -1), scene.box):
+            bounds += [(axis, sense, place) for axis, place in enumerate(corner)]
+    return {
+        "places": places, "velocities": velocities, "spins": spins, "radii": scene.radii, "masses": scene.masses,
+        "inertias": (0.5 if flat else 0.4) * scene.masses * scene.radii**2, "free": scene.free, "flat": flat,
+        "law": (law.normal_stiffness, law.sliding_stiffness, law.sliding_friction), "bounds": np.reshape(bounds, (-1, 3)),
+        "pairs": np.zeros((0, 2), dtype=int) if scene.bonds is None else scene.bonds,
+        "bond": () if scene.bond is None else scene.bond, "skin": scene.skin, "step": scene.step, "steps": scene.steps,
+    }  # fmt: skip
+
+
 def launch(command: list[str], folder: Path | str, **environment: str) -> str:
     """Output of a program.
 

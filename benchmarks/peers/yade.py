@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.peers.common import Outcome, Peer, Scene, launch, outcome
+from benchmarks.peers.common import Outcome, Peer, Scene, arrays, launch, outcome
 from particles import LiChu
 
 SCRIPT = """
@@ -82,22 +82,9 @@ np.savez("final.npz", seconds=seconds, table=np.column_stack([places, 0.5 * (bef
 
 
 def _run(scene: Scene) -> Outcome:
-    places, velocities, spins = scene.in_space()
-    law, flat = scene.law, scene.axes == 2
-    bounds = []
-    if scene.box is not None:
-        for sense, corner in zip((1, -1), scene.box):
-            bounds += [(axis, sense, place) for axis, place in enumerate(corner)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        np.savez(
-            folder / "scene.npz", places=places, velocities=velocities, spins=spins, radii=scene.radii,
-            masses=scene.masses, inertias=(0.5 if flat else 0.4) * scene.masses * scene.radii**2, free=scene.free, flat=flat,
-            law=(law.normal_stiffness, law.sliding_stiffness, law.sliding_friction), bounds=np.reshape(bounds, (-1, 3)),
-            pairs=np.zeros((0, 2)) if scene.bonds is None else scene.bonds,
-            bond=() if scene.bond is None else (scene.bond.normal, scene.bond.shear, scene.bond.bending, scene.bond.torsion),
-            skin=scene.skin, step=scene.step, steps=scene.steps,
-        )  # fmt: skip
+        np.savez(folder / "scene.npz", **arrays(scene))
         (folder / "scene.py").write_text(SCRIPT)
         launch(["yade", "-n", "-x", "-j1", "scene.py"], folder)
         final = np.load(folder / "final.npz")
