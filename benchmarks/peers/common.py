@@ -1,6 +1,6 @@
 """What all peers share: a scene, what a run returns, and the packing in the format that LAMMPS and LIGGGHTS read.
 
-Discs are spheres in the peers, with densities that give the discs' masses. All values SI; in the plane per metre of
+Where a peer knows spheres only, discs are spheres with densities that give the discs' masses. All values SI; in the plane per metre of
 thickness.
 """
 

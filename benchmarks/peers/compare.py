@@ -43,12 +43,14 @@ def dense_discs(steps: int) -> Scene:
 
 def dense_spheres(steps: int) -> Scene:
     """About 20,000 spheres of 0.02 to 0.03 m, compressed inside a fixed shell of them and shaken."""
-    positions, edge = face_centred_cubic(17, 0.052)
+    positions, edge = face_centred_cubic(17, 0.053)
     radii = np.random.default_rng(1).uniform(0.02, 0.03, len(positions))
-    free = LiChu(normal_stiffness=1e7)
-    soil = Assembly(positions, radii, law=free)
-    soil.hold(edge)
-    soil.advance(600, 0.5 * soil.critical_step(), local_damping=0.7)
+    for share, relaxation in ((1.0, 1200), (0.997, 600)):  # squeezed until they touch all around, then let out
+        radii = radii * share
+        soil = Assembly(positions, radii, law=LiChu(normal_stiffness=1e7))
+        soil.hold(edge)
+        soil.advance(relaxation, 0.5 * soil.critical_step(), local_damping=0.5)
+        positions = soil.positions
     velocities = SHAKEN * np.random.default_rng(0).normal(size=(len(radii), 6)) * [1, 1, 1, 0, 0, 0]
     velocities[edge] = 0.0
     step = 0.1 * Assembly(soil.positions, radii, law=SPHERES).critical_step()

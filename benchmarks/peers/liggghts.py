@@ -1,7 +1,7 @@
 """LIGGGHTS (Debian package): hooke/stiffness, tangential history, rolling resistance epsd2, absolute dashpots.
 
-epsd2 is our rolling channel with the stiffness of the sliding one and without a dashpot. LIGGGHTS makes spheres also in
-the plane: a disc of density d there is a sphere of the same mass, with the moment of inertia 2/5 m r^2, ours 1/2 m r^2.
+epsd2 is our rolling channel with the stiffness of the sliding one and without a dashpot. In the plane LIGGGHTS takes
+densities for those of discs, and m r^2 / 2 for their moment of inertia; lever arms are corrected for the overlap, as ours.
 """
 
 import re
