@@ -22,6 +22,8 @@ ENVIRONMENT = {
     "OMPI_MCA_btl": "^tcp",
 }  # fmt: skip
 
+PATIENCE = 900.0  # s, longest run of a peer
+
 
 class Bond(NamedTuple):
     """Unbreakable elastic bond between two spheres, without stress at the start."""
@@ -128,9 +130,13 @@ def launch(command: list[str], folder: Path | str, **environment: str) -> str:
     Raises:
         Failed: with the end of what it printed.
     """
-    run = subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, env={**os.environ, **ENVIRONMENT, **environment}
-    )  # fmt: skip
+    try:
+        run = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE,
+            env={**os.environ, **ENVIRONMENT, **environment},
+        )  # fmt: skip
+    except subprocess.TimeoutExpired as late:
+        raise Failed(f"{command[0]}: no result in {PATIENCE:g} s") from late
     if run.returncode:
         raise Failed(f"{command[0]}: {run.stdout[-800:]}{run.stderr[-800:]}")
     return run.stdout
