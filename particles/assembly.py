@@ -351,11 +351,7 @@ class Assembly:
         if not (np.isfinite(reach) and reach >= 0.0):
             raise ValueError(f"reach={reach} must be zero or positive (share of the sum of the radii)")
         before = self._mechanical()
-        longest = max(law.longest() for law in self._laws.all)
-        needed = 2.0 * reach * self._radii.max(initial=0.0) + longest
-        if needed > self.skin:  # a bond must stay in the list for as long as it holds
-            self.skin = float(min(needed, 2.0 * self._radii.max()))
-            self._system.clock[TRAVEL_LIMIT] = 0.5 * self.skin
+        self._widen(2.0 * reach * self._radii.max(initial=0.0))
         listing.rebuild(self)
         system = self._system
         count = int(system.start[-1])
@@ -378,6 +374,12 @@ class Assembly:
         self._primed = None
         self._imposed += self._mechanical() - before
         return places.size
+
+    def _widen(self, skin: float) -> None:
+        """Make the list reach at least as far as `skin` (m) beyond contact."""
+        if skin > self.skin:
+            self.skin = skin
+            self._system.clock[TRAVEL_LIMIT] = 0.5 * skin
 
     def _file_breaks(self) -> None:
         """Keep the logged breaks with ids instead of rows (before the rows change their order)."""

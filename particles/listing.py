@@ -45,14 +45,14 @@ def rebuild(soil: Assembly) -> None:
     ):
         old_row_of = _sort(soil, width, changed)
     position = changed.get("position", system.position)
-    capacity = int(1.1 * system.first.size) + 3 * soil.count + 16
-    start, first, second = neighbours.list_pairs(
-        position, position[:, RADIUS], soil._ghost[soil._ids], width, soil.skin, axes, capacity, system.cell
-    )
-    history = aligned((len(soil._laws.columns), first.size))
-    neighbours.carry_history(
-        start, second, history, system.start, system.second, system.history, old_row_of, soil._laws.signs
-    )
+    start, first, second, history = _listed(soil, position, width, old_row_of)
+    largest = soil._radii.max(initial=0.0)
+    while bonds_in(soil, history) < bonds_in(soil, system.history) and soil.skin < 2.0 * largest:
+        # a bond must stay in the list for as long as it holds, however far it stretches (up to a diameter; and pairs of
+        # two ghosts, which the caller moves, are no longer listed)
+        soil._widen(1.5 * soil.skin)
+        width = 2.0 * largest + soil.skin
+        start, first, second, history = _listed(soil, position, width, old_row_of)
     changed.update(start=start, first=first, second=second, history=history, listed=position[:, :axes].copy())
     if system.walls is not None:
         changed["walls"] = listed(system.walls, position, axes, soil.skin, old_row_of)
@@ -64,6 +64,25 @@ def rebuild(soil: Assembly) -> None:
     set_contact_constants(soil)
     if soil._held:
         soil._compose_held()
+
+
+def _listed(soil: Assembly, position: np.ndarray, width: float, old_row_of: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Start, first, second of a new list and the histories carried into it."""
+    system = soil._system
+    capacity = int(1.1 * system.first.size) + 3 * soil.count + 16
+    start, first, second = neighbours.list_pairs(
+        position, position[:, RADIUS], soil._ghost[soil._ids], width, soil.skin, soil.axes, capacity, system.cell
+    )
+    history = aligned((len(soil._laws.columns), first.size))
+    neighbours.carry_history(
+        start, second, history, system.start, system.second, system.history, old_row_of, soil._laws.signs
+    )
+    return start, first, second, history
+
+
+def bonds_in(soil: Assembly, history: np.ndarray) -> int:
+    """Number of bonds that hold in a history (columns, pairs)."""
+    return int(np.count_nonzero(history[0] > 0.5)) if soil._laws.has_bonds else 0
 
 
 def check_room(cell: PeriodicCell, width: float) -> None:

@@ -1,14 +1,10 @@
 """Our side of the comparison with the peers."""
 
+import math
 import time
 
 from benchmarks.peers.common import Outcome, Scene
-from particles import Assembly, Plate
-
-
-def missing(scene: Scene) -> str:
-    """Why a scene cannot run, in a word; empty when it can."""
-    return "unplugged" if scene.bonds is not None else ""
+from particles import Assembly, Bonded, Plate
 
 
 def run(scene: Scene) -> Outcome:
@@ -21,7 +17,14 @@ def run(scene: Scene) -> Outcome:
 
 
 def _assembly(scene: Scene) -> Assembly:
-    soil = Assembly(scene.positions, scene.radii, scene.density, scene.law, skin=scene.skin)
+    law, bond = scene.law, scene.bond
+    if bond is not None:
+        law = Bonded(
+            bond.normal, bond.shear, math.inf, math.inf, bending_stiffness=bond.bending, torsion_stiffness=bond.torsion
+        )
+    soil = Assembly(scene.positions, scene.radii, scene.density, law, skin=scene.skin)
+    if scene.bonds is not None:
+        soil.bond(0.03, scene.bonds)
     if scene.box is not None:
         soil.add_wall(*Plate.box(*scene.box, 1.0, frictionless=True))
     soil.velocities = scene.velocities

@@ -112,10 +112,6 @@ class Bonded:
         """Whether there is a dashpot."""
         return bool(self.normal_damping or self.shear_damping)
 
-    def longest(self) -> float:
-        """Opening at which a bond breaks in tension, m."""
-        return min(self.tensile_strength, ENDLESS) / self.normal_stiffness
-
     def columns(self, laws: list[Bonded], space: bool) -> list[tuple[str, float]]:
         """What is remembered, with the factor when the labels of a pair are exchanged, a number each.
 

@@ -38,6 +38,7 @@ class Laws:
         first = self.all[0]
         self.template = first.constants(self.all, space)
         self.columns: list[tuple[str, float]] = first.columns(self.all, space)
+        self.has_bonds = bool(self.columns) and self.columns[0][0] == "bond"
         self.signs = np.array([sign for _, sign in self.columns])
         self.massive = 1 if any(getattr(one, "needs_mass", bool)() for one in self.all) else None
         self.is_viscous = any(one.is_viscous() for one in self.all)
