@@ -582,7 +582,7 @@ class Assembly:
         return energies.balance(self)
 
     def contacts(self, walls: bool = False, contact_range: float = 0.0) -> network.Contacts:
-        """Pairs with overlap > -contact_range (r_i + r_j), with their forces; see `particles.network.Contacts`."""
+        """Pairs with overlap > -contact_range (r_i + r_j) and bonds, with their forces; see `particles.network.Contacts`."""
         return network.contacts(self, walls, contact_range)
 
     def stiffness_matrix(self, contact_range: float = 0.0, walls: bool = False) -> Any:
