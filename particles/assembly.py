@@ -470,23 +470,30 @@ class Assembly:
         """Row-ordered arrays for jitted loops; valid until the next call of a method that changes the assembly."""
         return self._system
 
-    def terms(self, mass_damping: float = 0.0, local_damping: float = 0.0, gravity: Any = None) -> Terms:
+    def terms(
+        self, mass_damping: float = 0.0, local_damping: float = 0.0, gravity: Any = None, vector_damping: Any = None
+    ) -> Terms:
         """What the scene has, for jitted loops; zeros become None and are compiled away.
 
         Args:
             mass_damping: c in 1/s: force -c m v, also on rotations.
             local_damping: alpha, 0 to below 1: force -alpha |F| sgn(v) for each component.
             gravity: (gx, gy) or (gx, gy, gz), m/s2.
+            vector_damping: (alpha, alpha_r), 0 to below 1, for translations and rotations: force -alpha |F| v / |v| and
+                moment -alpha_r |T| w / |w| (Rojek & Onate 2007, eqs 25-26), which do not depend on the axes.
         """
         gravity = np.zeros(self.axes) if gravity is None else _finite("gravity", gravity, (self.axes,))
         if not (np.isfinite(mass_damping) and mass_damping >= 0.0):
             raise ValueError(f"mass_damping={mass_damping} must be zero or positive (1/s)")
         if not 0.0 <= local_damping < 1.0:
             raise ValueError(f"local_damping={local_damping} must lie in [0, 1)")
+        factors = (0.0, 0.0) if vector_damping is None else tuple(map(float, vector_damping))
+        if len(factors) != 2 or not all(0.0 <= factor < 1.0 for factor in factors):
+            raise ValueError(f"vector_damping={vector_damping} must be two numbers in [0, 1)")
         return Terms(
             self._laws.template, self._laws.table, self._laws.blank, self._laws.massive,
             (*map(float, gravity), 0.0)[:3] if gravity.any() else None, float(mass_damping) or None,
-            float(local_damping) or None,
+            float(local_damping) or None, *(factors if any(factors) else (None, None)),
         )  # fmt: skip
 
     def prepare(self, step: float, steps: int = 1, **loads: Any) -> tuple[System, Terms]:
@@ -527,7 +534,7 @@ class Assembly:
         """Make `steps` steps of size `step` (s) by explicit central difference (Li & Wan 2010, eqs 27-30).
 
         Args:
-            loads: `mass_damping`, `local_damping`, `gravity`, as in `terms`.
+            loads: `mass_damping`, `local_damping`, `vector_damping`, `gravity`, as in `terms`.
 
         Raises:
             Unstable: the particles blow up.
@@ -584,7 +591,7 @@ class Assembly:
         return energies.balance(self)
 
     def contacts(self, walls: bool = False, contact_range: float = 0.0) -> network.Contacts:
-        """Pairs with overlap > -contact_range (r_i + r_j), with their forces; see `particles.network.Contacts`."""
+        """Pairs with overlap > -contact_range (r_i + r_j) and bonds, with their forces; see `particles.network.Contacts`."""
         return network.contacts(self, walls, contact_range)
 
     def stiffness_matrix(self, contact_range: float = 0.0, walls: bool = False) -> Any:

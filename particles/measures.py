@@ -1,6 +1,7 @@
 """What a packing shows: stress, couple stress, nominal strain, fabric, coordination, porosity, moduli.
 
 Index order of tensors: first the normal or derivative, second the force or displacement direction; tension positive.
+In the plane d = 2 and all is per metre of thickness, in space d = 3.
 """
 
 from __future__ import annotations
@@ -11,73 +12,51 @@ import numpy as np
 
 from particles import neighbours
 from particles.network import Contacts, contacts, stiffnesses
+from particles.volumes import area_in_box as area_in_box
+from particles.volumes import common_area, common_volume, parts_inside, region_volume, share_inside, volumes
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
 
 
 class NominalStrain(NamedTuple):
-    """Nominal strain of each disc (Methods of Li & Wan 2010, figs 6 and 7); NaN with too few neighbours."""
+    """Nominal strain of each particle (Li & Wan 2010, figs 6 and 7); NaN with too few neighbours."""
 
     volumetric: np.ndarray  # (n,) det F - 1
-    effective: np.ndarray  # (n,) sqrt(2/3 e:e), e the deviator of the Green strain with E_zz = 0
-    gradient: np.ndarray  # (n, 2, 2) F, row = direction of displacement
+    effective: np.ndarray  # (n,) sqrt(2/3 e:e), e the deviator of the Green strain (in the plane with E_zz = 0)
+    gradient: np.ndarray  # (n, d, d) F, row = direction of displacement
 
 
 def _ends(soil: Assembly) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Both ends of all contacts: disc, vector from its centre to the contact, force and couple on it."""
+    """Both ends of all contacts: particle, vector from its centre to the contact, force and couple (1 or 3) on it."""
     found = contacts(soil, with_walls=True)
-    discs = found.plate < 0
-    n = found.normal
-    disc = np.concatenate([found.first, found.second[discs]])
-    arm = np.concatenate([found.first_arm[:, None] * n, -found.second_arm[discs, None] * n[discs]])
-    force = np.concatenate([found.force, -found.force[discs]])
-    couple = np.concatenate([found.moment, -found.moment[discs]])
-    return disc, arm, force, couple
+    pair = found.plate < 0
+    n, moment = found.normal, found.moment.reshape(len(found.first), 2 * soil.axes - 3)
+    particle = np.concatenate([found.first, found.second[pair]])
+    arm = np.concatenate([found.first_arm[:, None] * n, -found.second_arm[pair, None] * n[pair]])
+    force = np.concatenate([found.force, -found.force[pair]])
+    couple = np.concatenate([moment, -moment[pair]])
+    return particle, arm, force, couple
+
+
+def _moments(soil: Assembly, particle: np.ndarray, arm: np.ndarray, action: np.ndarray) -> np.ndarray:
+    """Sum of arm (x) action over the contacts of each particle, over its volume (n, d, components)."""
+    total = np.zeros((soil.count, soil.axes, action.shape[1]))
+    np.add.at(total, particle, arm[:, :, None] * action[:, None, :])
+    return total / volumes(soil.radii, soil.axes)[:, None, None]
 
 
 def particle_stress(soil: Assembly) -> np.ndarray:
-    """Stress of each disc (n, 2, 2), Pa: (1/V_p) sum of arm (x) contact force (Rojek & Onate 2007, eq. 46)."""
-    disc, arm, force, _ = _ends(soil)
-    stress = np.zeros((soil.count, 2, 2))
-    np.add.at(stress, disc, arm[:, :, None] * force[:, None, :])
-    return stress / (np.pi * soil.radii**2)[:, None, None]
+    """Stress of each particle (n, d, d), Pa: (1/V_p) sum of arm (x) contact force (Rojek & Onate 2007, eq. 46)."""
+    particle, arm, force, _ = _ends(soil)
+    return _moments(soil, particle, arm, force)
 
 
 def particle_couple_stress(soil: Assembly) -> np.ndarray:
-    """Couple stress of each disc (n, 2), N/m: (1/V_p) sum of arm times contact couple on it."""
-    disc, arm, _, couple = _ends(soil)
-    stress = np.zeros((soil.count, 2))
-    np.add.at(stress, disc, arm * couple[:, None])
-    return stress / (np.pi * soil.radii**2)[:, None]
-
-
-def common_area(distance: Any, first: Any, second: Any) -> np.ndarray:
-    """Area (m2) of the intersection of two discs with radii `first`, `second` at a distance of centres."""
-    d, a, b = np.broadcast_arrays(np.asarray(distance, float), np.asarray(first, float), np.asarray(second, float))
-    d = np.clip(d, np.abs(a - b) + 1e-300, a + b)
-    cos_a = np.clip((d * d + a * a - b * b) / (2 * d * a), -1.0, 1.0)
-    cos_b = np.clip((d * d + b * b - a * a) / (2 * d * b), -1.0, 1.0)
-    half_a, half_b = np.arccos(cos_a), np.arccos(cos_b)
-    return a * a * (half_a - np.sin(half_a) * cos_a) + b * b * (half_b - np.sin(half_b) * cos_b)
-
-
-def _share_inside(points: np.ndarray, radius: float, body: Any) -> np.ndarray:
-    """Share of the circle around each point that lies in the body (box of bounds or region), by 2000 samples."""
-    if body is None:
-        return np.ones(len(points))
-    k = np.arange(2000)
-    place = radius * np.sqrt((k + 0.5) / k.size)
-    angle = k * np.pi * (3.0 - np.sqrt(5.0))
-    samples = np.column_stack([place * np.cos(angle), place * np.sin(angle)])
-    return np.array([_contains(body, point + samples).mean() for point in points])
-
-
-def _contains(body: Any, points: np.ndarray) -> np.ndarray:
-    if hasattr(body, "contains"):
-        return np.asarray(body.contains(points), dtype=bool)
-    (x0, y0), (x1, y1) = body
-    return (points[:, 0] >= x0) & (points[:, 0] <= x1) & (points[:, 1] >= y0) & (points[:, 1] <= y1)
+    """Couple stress of each particle, N/m: (1/V_p) sum of arm (x) contact couple on it; (n, 2) in the plane, (n, 3, 3)."""
+    particle, arm, _, couple = _ends(soil)
+    stress = _moments(soil, particle, arm, couple)
+    return stress[:, :, 0] if soil.axes == 2 else stress
 
 
 def averaged_stress(
@@ -88,21 +67,22 @@ def averaged_stress(
     body: Any = None,
     solid_fraction: float | None = None,
 ) -> np.ndarray:
-    """Average over circles around points of the discs' stresses (Rojek & Onate 2007, eqs 46-51), Pa.
+    """Average over circles (balls) around points of the particles' stresses (Rojek & Onate 2007, eqs 46-51), Pa.
 
     Args:
-        points: (k, 2), m.
-        radius: of the circles (default 2.5 times the largest disc), m.
-        values: (n, ...) of each disc to be averaged; default `particle_stress`. For `particle_couple_stress` the same.
-        body: box ((x0, y0), (x1, y1)) or region with `contains(points)`: the volume is the circle's part inside it.
-        solid_fraction: if given, divide by the solid area in the circle and multiply by this (no counting noise).
+        points: (k, d), m: nodes of a grid, quadrature points, ...
+        radius: of the circles or balls (default 2.5 times the largest particle), m.
+        values: (n, ...) of each particle to be averaged; default `particle_stress`. For `particle_couple_stress` the same.
+        body: box (lower, upper) or region with `contains(points)`: the volume is the circle's part inside it.
+        solid_fraction: if given, divide by the solid volume in the circle and multiply by this (no counting noise).
 
     Returns:
-        (k, 2, 2), or (k, ...) as `values`; zero where a circle holds no disc.
+        (k, d, d), or (k, ...) as `values`; zero where a circle holds no particle.
     """
     from scipy.spatial import cKDTree
 
-    points = np.atleast_2d(np.asarray(points, dtype=float))
+    axes = soil.axes
+    points = np.asarray(points, dtype=float).reshape(-1, axes)
     radii, positions = soil.radii, soil.positions
     size = 2.5 * radii.max() if radius is None else float(radius)
     if not (np.isfinite(size) and size > 0.0):
@@ -111,16 +91,31 @@ def averaged_stress(
     found = cKDTree(positions).query_ball_point(points, size + radii.max())
     average = np.zeros((len(points), *values.shape[1:]))
     solid = np.zeros(len(points))
+    common = common_area if axes == 2 else common_volume
     for k, near in enumerate(found):
-        distance = np.hypot(*(positions[near] - points[k]).T)
-        share = common_area(distance, radii[near], size)
-        average[k] = np.tensordot(share, values[near], axes=1)
-        solid[k] = share.sum()
+        part = common(np.linalg.norm(positions[near] - points[k], axis=1), radii[near], size)
+        average[k] = np.tensordot(part, values[near], axes=1)
+        solid[k] = part.sum()
     if solid_fraction is not None:
         volume = np.where(solid > 0.0, solid, 1.0) / solid_fraction
     else:
-        volume = np.pi * size**2 * np.maximum(_share_inside(points, size, body), 1e-300)
+        volume = volumes(np.array(size), axes) * np.maximum(share_inside(points, size, body), 1e-300)
     return average / volume.reshape((-1,) + (1,) * (values.ndim - 1))
+
+
+def region_average(
+    soil: Assembly, region: Any, volume: float | None = None, values: np.ndarray | None = None
+) -> np.ndarray:
+    """Average over one representative volume of any shape: sum of V_p inside times the particles' stresses, over V, Pa.
+
+    Args:
+        region: box (lower, upper), or anything with `contains(points)`.
+        volume: of the region with its voids, m3 (in the plane m2); boxes and regions with `measure` know theirs.
+        values: (n, ...) of each particle; default `particle_stress`.
+    """
+    values = particle_stress(soil) if values is None else np.asarray(values)
+    part = parts_inside(soil.positions, soil.radii, region)
+    return np.tensordot(part, values, axes=1) / (region_volume(region) if volume is None else volume)
 
 
 def volumetric_stress(stress: np.ndarray, poisson_ratio: float) -> np.ndarray:
@@ -138,7 +133,7 @@ def effective_stress(stress: np.ndarray, poisson_ratio: float) -> np.ndarray:
 
 
 def reference_pairs(soil: Assembly, contact_range: float = 1e-3) -> np.ndarray:
-    """Ids (k, 2) of discs closer than (1 + contact_range) (r_i + r_j) in the reference state."""
+    """Ids (k, 2) of particles closer than (1 + contact_range) (r_i + r_j) in the reference state."""
     places, radii = soil.reference, soil.radii
     largest = radii.max(initial=0.0)
     skin = (2.0 * contact_range + 1e-12) * largest
@@ -150,79 +145,81 @@ def reference_pairs(soil: Assembly, contact_range: float = 1e-3) -> np.ndarray:
     return np.column_stack([first, second])[gap < 0.0]
 
 
+def _fitted(soil: Assembly, pairs: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Gradient (n, d, d) of vectors (n, d) by least squares over neighbours of the reference state; NaN with too few."""
+    particle, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    before = (soil.reference[other] - soil.reference[particle])[:, None, :]
+    change = (vectors[other] - vectors[particle])[:, :, None]
+    moved = np.zeros((soil.count, soil.axes, soil.axes))
+    shape = np.zeros_like(moved)
+    np.add.at(moved, particle, change * before)
+    np.add.at(shape, particle, before.transpose(0, 2, 1) * before)
+    trace = np.trace(shape, axis1=1, axis2=2)
+    usable = np.linalg.det(shape) > 1e-6 * trace**soil.axes
+    gradient = np.full_like(moved, np.nan)
+    gradient[usable] = moved[usable] @ np.linalg.inv(shape[usable])
+    return gradient
+
+
 def nominal_strain(soil: Assembly, contact_range: float = 1e-3, pairs: np.ndarray | None = None) -> NominalStrain:
-    """Strain of each disc from its neighbours of the reference state: least-squares deformation gradient.
+    """Strain of each particle from its neighbours of the reference state: least-squares deformation gradient.
 
     Args:
         contact_range: neighbours are closer than (1 + contact_range) (r_i + r_j) in the reference state.
         pairs: (k, 2) ids, if other neighbours are wanted.
     """
     pairs = reference_pairs(soil, contact_range) if pairs is None else np.asarray(pairs)
-    disc = np.concatenate([pairs[:, 0], pairs[:, 1]])
-    other = np.concatenate([pairs[:, 1], pairs[:, 0]])
-    before = (soil.reference[other] - soil.reference[disc])[:, None, :]
-    now = (soil.positions[other] - soil.positions[disc])[:, :, None]
-    moved = np.zeros((soil.count, 2, 2))
-    shape = np.zeros((soil.count, 2, 2))
-    np.add.at(moved, disc, now * before)
-    np.add.at(shape, disc, before.transpose(0, 2, 1) * before)
-    trace = np.trace(shape, axis1=1, axis2=2)
-    usable = np.linalg.det(shape) > 1e-6 * trace**2
-    gradient = np.full((soil.count, 2, 2), np.nan)
-    gradient[usable] = moved[usable] @ np.linalg.inv(shape[usable])
-    green = 0.5 * (np.swapaxes(gradient, 1, 2) @ gradient - np.eye(2))
+    gradient = _fitted(soil, pairs, soil.positions)
+    green = 0.5 * (np.swapaxes(gradient, 1, 2) @ gradient - np.eye(soil.axes))
     square = np.sum(green**2, axis=(1, 2)) - np.trace(green, axis1=1, axis2=2) ** 2 / 3.0
-    return NominalStrain(np.linalg.det(gradient) - 1.0, np.sqrt(2.0 / 3.0 * square), gradient)
+    return NominalStrain(np.linalg.det(gradient) - 1.0, np.sqrt(2.0 / 3.0 * np.maximum(square, 0.0)), gradient)
 
 
-def coordination(soil: Assembly, contact_range: float = 0.0, rattlers: bool = True) -> float:
-    """Mean number of disc contacts of a disc.
+def gradient_rate(soil: Assembly, contact_range: float = 1e-3, pairs: np.ndarray | None = None) -> np.ndarray:
+    """Rate (n, d, d) of the same deformation gradient from the velocities, 1/s; L = rate F^-1. NaN with too few neighbours."""
+    pairs = reference_pairs(soil, contact_range) if pairs is None else np.asarray(pairs)
+    return _fitted(soil, pairs, soil.velocities[:, : soil.axes])
+
+
+def coordination(
+    soil: Assembly, contact_range: float = 0.0, rattlers: bool = True, fewest: int | None = None
+) -> float:
+    """Mean number of particle contacts of a particle.
 
     Args:
         contact_range: counts pairs with overlap > -contact_range (r_i + r_j).
-        rattlers: False leaves out discs with fewer than two contacts (plates count), and again until none is left.
+        rattlers: False leaves out particles with fewer than `fewest` contacts (plates count), and again until none is left.
+        fewest: contacts that hold a particle; default 2 in the plane and 3 in space (with friction).
     """
+    fewest = soil.axes if fewest is None else fewest
     found = contacts(soil, True, contact_range)
     kept = np.ones(soil.count, dtype=bool)
     while True:
-        discs = found.plate < 0
-        both = kept[found.first] & (kept[np.where(discs, found.second, found.first)])
+        pair = found.plate < 0
+        both = kept[found.first] & (kept[np.where(pair, found.second, found.first)])
         degree = np.bincount(found.first[both], minlength=soil.count)
-        degree = degree + np.bincount(found.second[both & discs], minlength=soil.count)
-        loose = kept & (degree < 2)
+        degree = degree + np.bincount(found.second[both & pair], minlength=soil.count)
+        loose = kept & (degree < fewest)
         if rattlers or not loose.any():
-            return 2.0 * float(np.sum(both & discs)) / max(int(kept.sum()), 1)
+            return 2.0 * float(np.sum(both & pair)) / max(int(kept.sum()), 1)
         kept &= ~loose
 
 
 def fabric(soil: Assembly, contact_range: float = 0.0) -> np.ndarray:
-    """Fabric tensor (2, 2): mean of n (x) n over the contacts of discs."""
+    """Fabric tensor (d, d): mean of n (x) n over the contacts of particles; its trace is one."""
     n = contacts(soil, False, contact_range).normal
     return n.T @ n / max(len(n), 1)
 
 
-def area_in_box(positions: np.ndarray, radii: np.ndarray, lower: Any, upper: Any) -> np.ndarray:
-    """Area (n,) of each disc inside a box, m2 (discs across a side by quadrature, error about 1e-4 of the disc)."""
-    inside = np.all((positions - radii[:, None] >= lower) & (positions + radii[:, None] <= upper), axis=1)
-    area = np.where(inside, np.pi * radii**2, 0.0)
-    cut = np.flatnonzero(
-        ~inside & np.all((positions + radii[:, None] > lower) & (positions - radii[:, None] < upper), axis=1)
-    )
-    x, y, r = positions[cut, 0], positions[cut, 1], radii[cut]
-    from_angle = np.arcsin(np.clip((lower[0] - x) / r, -1.0, 1.0))
-    to_angle = np.arcsin(np.clip((upper[0] - x) / r, -1.0, 1.0))
-    nodes, weights = np.polynomial.legendre.leggauss(48)
-    angle = 0.5 * (from_angle + to_angle) + 0.5 * np.outer(nodes, to_angle - from_angle)
-    half = r * np.cos(angle)
-    chord = np.maximum(np.minimum(y + half, upper[1]) - np.maximum(y - half, lower[1]), 0.0)
-    area[cut] = 0.5 * (to_angle - from_angle) * (weights @ (chord * half))
-    return area
-
-
 def porosity(soil: Assembly, lower: Any, upper: Any) -> float:
-    """Share of voids in a box (overlaps of discs are counted twice)."""
-    solid = area_in_box(soil.positions, soil.radii, lower, upper).sum()
-    return float(1.0 - solid / ((upper[0] - lower[0]) * (upper[1] - lower[1])))
+    """Share of voids in a box (overlaps of particles are counted twice)."""
+    return porosity_in(soil, (lower, upper))
+
+
+def porosity_in(soil: Assembly, region: Any, volume: float | None = None) -> float:
+    """Share of voids in a box (lower, upper) or a region with `contains(points)`; `volume` as in `region_average`."""
+    solid = parts_inside(soil.positions, soil.radii, region).sum()
+    return float(1.0 - solid / (region_volume(region) if volume is None else volume))
 
 
 def moduli(
@@ -230,28 +227,34 @@ def moduli(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Elastic and couple moduli of the sticking network under affine motion, each contact counted once.
 
-    D_ijkl = 1/V sum l^2 n_i n_k (k_N n_j n_l + k_s t_j t_l), B_ik = 1/V sum l^2 k_rot n_i n_k (Chang & Ma 1992; Li & Wan
-    2010, eqs 21-24, before their directional averages).
+    D_ijkl = 1/V sum l^2 n_i n_k (k_N n_j n_l + k_s (d_jl - n_j n_l)); in the plane B_ik = 1/V sum l^2 k_rot n_i n_k, in
+    space B_ijkl = 1/V sum l^2 n_i n_k (k_rot (d_jl - n_j n_l) + k_tor n_j n_l) (Chang & Ma 1992; Li & Wan 2010, eqs
+    21-24, before their directional averages).
 
     Args:
-        area: of the body that the discs fill, m2.
-        ids: discs of the body (default all); a contact with a disc outside counts half.
+        area: of the body that the discs fill, m2; in space its volume, m3.
+        ids: particles of the body (default all); a contact with one outside counts half.
         contact_range: counts pairs with overlap > -contact_range (r_i + r_j).
 
     Returns:
-        (2, 2, 2, 2) Pa for sigma_ij = D_ijkl eps_kl with eps_kl = u_l,k - e_klm phi_m, and (2, 2) N for m_i = B_ik phi_,k.
+        (d, d, d, d) Pa for sigma_ij = D_ijkl eps_kl with eps_kl = u_l,k - e_klm phi_m; (2, 2) N for m_i = B_ik phi_,k in
+        the plane, (3, 3, 3, 3) N for m_ij = B_ijkl phi_l,k in space.
     """
     if not (np.isfinite(area) and area > 0.0):
-        raise ValueError(f"area={area} must be positive (m2)")
+        raise ValueError(f"area={area} must be positive (m2; in space the volume, m3)")
     found: Contacts = contacts(soil, False, contact_range)
     member = np.ones(soil.count) if ids is None else np.zeros(soil.count)
     if ids is not None:
         member[soil._checked_ids(ids)] = 1.0
     weight = 0.5 * (member[found.first] + member[found.second]) * (found.first_arm + found.second_arm) ** 2 / area
-    n = found.normal
-    t = np.column_stack([-n[:, 1], n[:, 0]])
-    k = stiffnesses(soil, found)
-    stiffness = k[:, 0, None, None] * n[:, :, None] * n[:, None, :] + k[:, 1, None, None] * t[:, :, None] * t[:, None, :]
-    rotational = k[:, 2]
-    elastic = np.einsum("c,ci,ck,cjl->ijkl", weight, n, n, stiffness)
-    return elastic, np.einsum("c,c,ci,ck->ik", weight, rotational, n, n)
+    n, k = found.normal, stiffnesses(soil, found)
+    along = n[:, :, None] * n[:, None, :]
+    across = np.eye(soil.axes) - along
+
+    def summed(stiffness: np.ndarray) -> np.ndarray:
+        return np.einsum("c,ci,ck,cjl->ijkl", weight, n, n, stiffness)
+
+    elastic = summed(k[:, 0, None, None] * along + k[:, 1, None, None] * across)
+    if soil.axes == 2:
+        return elastic, np.einsum("c,c,ci,ck->ik", weight, k[:, 2], n, n)
+    return elastic, summed(k[:, 2, None, None] * across + k[:, 3, None, None] * along)

@@ -72,6 +72,46 @@ def _accelerate(acceleration, force, lightness, velocity, mass_damping, local_da
 
 
 @njit(**SMOOTH)
+def _resist(acceleration, force, lightness, velocity, vector, turning, mass_damping, step, plane):
+    """Take local damping against the vectors of velocity and spin off new accelerations (Rojek & Onate 2007, eqs 25-26).
+
+    -alpha |F| v / |v|, zero at rest; in the plane the third number of a row is the rotation, by itself (`turning`).
+    """
+    share = 1.0 if mass_damping is None else 1.0 / (1.0 + 0.5 * mass_damping * step)
+    for e in range(0, velocity.size, 4):
+        fx, fy, fz = force[e], force[e + 1], force[e + 2]
+        vx, vy, vz = velocity[e], velocity[e + 1], velocity[e + 2]
+        if plane is not None:
+            acceleration[e + 2] -= turning * abs(fz) * np.sign(vz) * lightness[e + 2] * share
+            fz = vz = 0.0
+        speed = math.sqrt(vx * vx + vy * vy + vz * vz)
+        if speed > 0.0:
+            size = vector * math.sqrt(fx * fx + fy * fy + fz * fz) / speed * lightness[e] * share
+            acceleration[e] -= size * vx
+            acceleration[e + 1] -= size * vy
+            if plane is None:
+                acceleration[e + 2] -= size * vz
+
+
+@njit(**SMOOTH)
+def _vector_loss(velocity, acceleration, force, half, vector, turning, plane):
+    """Sum of alpha |F| (v / |v|) . w: v before the level, w the mean velocity around it."""
+    total = 0.0
+    for e in range(0, velocity.size, 4):
+        fx, fy, fz = force[e], force[e + 1], force[e + 2]
+        vx, vy, vz = velocity[e], velocity[e + 1], velocity[e + 2]
+        ax, ay, az = acceleration[e], acceleration[e + 1], acceleration[e + 2]
+        if plane is not None:
+            total += turning * abs(fz) * np.sign(vz) * (vz + half * az)
+            fz = vz = 0.0
+        speed = math.sqrt(vx * vx + vy * vy + vz * vz)
+        if speed > 0.0:
+            along = vx * (vx + half * ax) + vy * (vy + half * ay) + vz * (vz + half * az)
+            total += vector * math.sqrt(fx * fx + fy * fy + fz * fz) * along / speed
+    return total
+
+
+@njit(**SMOOTH)
 def _mass_loss(velocity, acceleration, lightness, half, move):
     """Sum of v M w: v at the level `half` after `velocity`, w the mean velocity around it (`velocity` at an end)."""
     total = 0.0
@@ -135,28 +175,39 @@ def _part(rows, a, b):
 
 
 @njit(**INNER)
-def _drift_rows(place, velocity, predicted, acceleration, force, lightness, sums, mass_damping, local_damping, step):
+def _drift_rows(
+    place, velocity, predicted, acceleration, force, lightness, sums, mass_damping, local_damping, vector, turning, plane, step
+):
     """First half kick and drift of one kind of motion."""
     half = 0.5 * step
     if mass_damping is not None:
         sums[MASS_DAMPING] += half * mass_damping * _start_loss(velocity, acceleration, lightness, half)
     if local_damping is not None:
         sums[LOCAL_DAMPING] += half * local_damping * _local_loss(velocity, acceleration, force, half)
+    if vector is not None:
+        sums[LOCAL_DAMPING] += half * _vector_loss(velocity, acceleration, force, half, vector, turning, plane)
     _add(velocity, half, acceleration)
     _add(place, step, velocity)
     _predict(predicted, velocity, acceleration, half)
 
 
 @njit(**INNER)
-def _kick_rows(place, velocity, predicted, acceleration, force, lightness, sums, mass_damping, local_damping, step, move):
+def _kick_rows(
+    place, velocity, predicted, acceleration, force, lightness, sums, mass_damping, local_damping, vector, turning, plane,
+    step, move,
+):
     """New accelerations; velocities to the end of the step, or (move = 1) on to the middle of the next, and drift."""
     half = 0.5 * step
     onward = half + move * half
     _accelerate(acceleration, force, lightness, velocity, mass_damping, local_damping, step)
+    if vector is not None:
+        _resist(acceleration, force, lightness, velocity, vector, turning, mass_damping, step, plane)
     if mass_damping is not None:
         sums[MASS_DAMPING] += onward * mass_damping * _mass_loss(velocity, acceleration, lightness, half, move)
     if local_damping is not None:
         sums[LOCAL_DAMPING] += onward * local_damping * _local_loss(velocity, acceleration, force, move * half)
+    if vector is not None:
+        sums[LOCAL_DAMPING] += onward * _vector_loss(velocity, acceleration, force, move * half, vector, turning, plane)
     _add(velocity, onward, acceleration)
     if move == 1:
         _add(place, step, velocity)
@@ -172,13 +223,14 @@ def _drift(system, spin, terms, step):
         _drift_rows(
             _part(system.position, a, b), _part(system.velocity, a, b), _part(system.predicted, a, b),
             _part(system.acceleration, a, b), _part(system.force, a, b), _part(system.lightness, a, b),
-            system.sums, terms.mass_damping, terms.local_damping, step,
+            system.sums, terms.mass_damping, terms.local_damping, terms.vector_damping, terms.spin_damping,
+            in_plane(system.spin), step,
         )  # fmt: skip
         if spin is not None:
             _drift_rows(
                 _part(system.rotation, a, b), _part(system.spin, a, b), _part(system.predicted_spin, a, b),
                 _part(system.angular, a, b), _part(system.torque, a, b), _part(system.nimbleness, a, b),
-                system.sums, terms.mass_damping, terms.local_damping, step,
+                system.sums, terms.mass_damping, terms.local_damping, terms.spin_damping, terms.spin_damping, None, step,
             )  # fmt: skip
         fastest = max(fastest, _fastest(system.velocity[a:b], in_plane(system.spin)))
     _load_work(system.sums, system.velocity, system.spin, system.lightness, terms.gravity, system.external, step)
@@ -194,13 +246,14 @@ def _kick(system, spin, terms, step, move):
         _kick_rows(
             _part(system.position, a, b), _part(system.velocity, a, b), _part(system.predicted, a, b),
             _part(system.acceleration, a, b), _part(system.force, a, b), _part(system.lightness, a, b),
-            system.sums, terms.mass_damping, terms.local_damping, step, move,
+            system.sums, terms.mass_damping, terms.local_damping, terms.vector_damping, terms.spin_damping,
+            in_plane(system.spin), step, move,
         )  # fmt: skip
         if spin is not None:
             _kick_rows(
                 _part(system.rotation, a, b), _part(system.spin, a, b), _part(system.predicted_spin, a, b),
                 _part(system.angular, a, b), _part(system.torque, a, b), _part(system.nimbleness, a, b),
-                system.sums, terms.mass_damping, terms.local_damping, step, move,
+                system.sums, terms.mass_damping, terms.local_damping, terms.spin_damping, terms.spin_damping, None, step, move,
             )  # fmt: skip
         fastest = max(fastest, _fastest(system.velocity[a:b], in_plane(system.spin)))
     if move == 1:

@@ -140,12 +140,12 @@ _rests = {2: Direct(_rest_in_plane), 3: Direct(_rest_in_space)}
 
 
 def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows i, j and histories (columns, k) of all pairs with overlap > -contact_range (r_i + r_j)."""
+    """Rows i, j and histories (columns, k) of all pairs with overlap > -contact_range (r_i + r_j), and of all bonds."""
     system, axes = soil._system, soil.axes
     start, first, second, history = system.start, system.first, system.second, system.history
     if soil.count and 2.0 * contact_range * soil._radii.max() > 0.0:
         # also pairs that the list does not hold, or no longer holds
-        skin = 2.0 * contact_range * soil._radii.max()
+        skin = max(2.0 * contact_range * soil._radii.max(), soil.skin)
         width = 2.0 * soil._radii.max() + skin
         start, first, second = neighbours.list_pairs(
             system.position, system.position[:, RADIUS], soil._ghost[soil._ids], width, skin, axes, 4 * soil.count + 16,
@@ -160,12 +160,15 @@ def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray,
     first, second = first[:count].astype(np.int64), second[:count].astype(np.int64)
     reach = system.position[first, RADIUS] + system.position[second, RADIUS]
     branch = nearest_image(soil.cell, system.position[second, :axes] - system.position[first, :axes])
-    near = reach * (1.0 + contact_range) > np.linalg.norm(branch, axis=1)
+    distance = np.linalg.norm(branch, axis=1)
+    near = reach * (1.0 + contact_range) > distance
+    if hasattr(soil._laws.all[0], "reaches"):
+        near |= soil._laws.all[0].reaches(reach - distance, soil._laws.by_channel(history[:, :count]))
     return first[near], second[near], history[:, :count][:, near]
 
 
 def contacts(soil: Assembly, with_walls: bool = False, contact_range: float = 0.0) -> Contacts:
-    """Contacts of particles, and with walls on request; forces are zero where there is a gap."""
+    """Contacts of particles, and with walls on request; forces are zero where there is a gap and no bond."""
     if not (np.isfinite(contact_range) and contact_range >= 0.0):
         raise ValueError(f"contact_range={contact_range} must be zero or positive (share of the radii)")
     system, axes = soil._system, soil.axes

@@ -142,4 +142,6 @@ class Terms(NamedTuple):
     massive: Any  # None, or 1 where the law asks for masses
     gravity: Any  # None or (gx, gy, gz) in m/s2
     mass_damping: Any  # None or c in 1/s
-    local_damping: Any  # None or alpha
+    local_damping: Any  # None or alpha, for each component
+    vector_damping: Any  # None or alpha, against the vector of velocity
+    spin_damping: Any  # None (without vector_damping) or alpha, against the vector of spin

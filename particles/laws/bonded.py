@@ -123,6 +123,11 @@ class Bonded:
         found += [("moment", -1.0)] * (vector if law.bending is not None else 0)
         return found + [("torsion", 1.0)] * (law.torsion is not None)
 
+    @staticmethod
+    def reaches(overlap: np.ndarray, history: dict[str, np.ndarray]) -> np.ndarray:
+        """Which of k pairs carry a force across a gap (k,): bonds, and what is left of a bond that was made with a gap."""
+        return (history["bond"][:, 0] > 0.5) | (overlap + history["offset"][:, 0] > 0.0)
+
     def stiffness(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray) -> np.ndarray:
         """Tangent stiffness of normal, sliding (N/m), bending and torsion (N m/rad) of k bonds (k, 4)."""
         row = [self.normal_stiffness, self.shear_stiffness, self.bending_stiffness, self.torsion_stiffness]

@@ -1,4 +1,4 @@
-"""Plain double loop over all pairs for the contact law: the reference of the fast loops (methods 2.2 and 2.3)."""
+"""Plain double loops over all pairs for the contact law: the reference of the fast loops (Assembly; Li-Chu law)."""
 
 import numpy as np
 
@@ -62,3 +62,101 @@ def advance(positions, radii, masses, velocities, law, step, steps):
         spin += 0.5 * step * (a + new)[:, 2]
         a = new
     return x, angle, np.column_stack([v, spin])
+
+
+def _rotation(vector):
+    """Rotation matrix of a rotation vector (Rodrigues)."""
+    angle = np.linalg.norm(vector)
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = vector / angle
+    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
+
+
+def _carry(vector, n0, n, turn_i, turn_j):
+    """Turn a tangential vector by half the sum of both rotations, then by the smallest one to the new normal.
+
+    The latter as it acts on vectors across the old normal, so that the little of the last increment along it goes away.
+    """
+    half = _rotation(0.5 * (turn_i + turn_j))
+    once, middle = half @ vector, half @ n0
+    return once - (n @ once) / (1.0 + middle @ n) * (middle + n)
+
+
+def _tangent(turn):
+    """2 tan(|turn| / 2) / |turn| turn."""
+    angle = np.linalg.norm(turn)
+    return turn if angle == 0.0 else 2.0 * np.tan(angle / 2.0) / angle * turn
+
+
+def _limited(trial, damping, rate, limit):
+    """Elastic and total value of a channel: back to the limit, or as much of the dashpot as the limit allows."""
+    size = np.linalg.norm(trial)
+    if size > limit:
+        return limit / size * trial, limit / size * trial
+    part = damping * rate
+    if np.linalg.norm(trial + part) <= limit:
+        return trial, trial + part
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if np.linalg.norm(trial + middle * part) <= limit else (low, middle)
+    return trial, trial + low * part
+
+
+def advance_spheres(positions, radii, masses, velocities, law, step, steps):
+    """The same for spheres (with torsion): positions and velocities (n, 6) after `steps`."""
+    x, v, spin = positions.copy(), velocities[:, :3].copy(), velocities[:, 3:].copy()
+    inertias = 0.4 * masses * radii**2
+    history = {}
+
+    def accelerations(old, v_end, spin_end, turns):
+        force, torque = np.zeros_like(x), np.zeros_like(x)
+        for i in range(len(radii)):
+            for j in range(i + 1, len(radii)):
+                d, d0 = np.linalg.norm(x[j] - x[i]), np.linalg.norm(old[j] - old[i])
+                if d >= radii[i] + radii[j]:
+                    history.pop((i, j), None)
+                    continue
+                n, n0 = (x[j] - x[i]) / d, (old[j] - old[i]) / d0
+                difference = radii[i] - radii[j]
+                arms, arms0 = np.array([d + difference, d - difference]) / 2, np.array([d0 + difference, d0 - difference]) / 2
+                mean = (arms + arms0) / 2
+                radius, mean_radius = arms.prod() / d, mean.prod() / mean.sum()
+                tau_i, tau_j = _tangent(turns[i]), _tangent(turns[j])
+                slide = mean.sum() * (n - n0) - np.cross(mean[0] * tau_i + mean[1] * tau_j, (n + n0) / 2)
+                twist, roll = (tau_i - tau_j) @ n, (tau_i - tau_j) - ((tau_i - tau_j) @ n) * n
+                rate = v_end[j] - v_end[i]
+                slide_rate = rate - (rate @ n) * n - np.cross(arms[0] * spin_end[i] + arms[1] * spin_end[j], n)
+                relative = spin_end[i] - spin_end[j]
+                twist_rate, roll_rate = relative @ n, relative - (relative @ n) * n
+                normal = max(0.0, law.normal_stiffness * (radii[i] + radii[j] - d) - law.normal_damping * rate @ n)
+                driven = {
+                    "sliding": (slide, slide_rate), "rolling": (mean_radius * roll, radius * roll_rate),
+                    "moment": (roll, roll_rate), "torsion": (np.array([twist]), np.array([twist_rate])),
+                }  # fmt: skip
+                kept, acting = {}, {}
+                for name, (increment, speed) in driven.items():
+                    k, c, mu = (getattr(law, f"{name}_{kind}") for kind in ("stiffness", "damping", "friction"))
+                    stored = history.get((i, j), {}).get(name, np.zeros(increment.size))
+                    stored = stored if name == "torsion" else _carry(stored, n0, n, turns[i], turns[j])
+                    kept[name], acting[name] = _limited(stored + k * increment, c, speed, mu * normal)
+                history[i, j] = kept
+                on_i = -normal * n + acting["sliding"]
+                couple = -radius * acting["rolling"] - acting["moment"] - acting["torsion"][0] * n
+                force[i] += on_i
+                force[j] -= on_i
+                torque[i] += arms[0] * np.cross(n, acting["sliding"]) + couple
+                torque[j] += arms[1] * np.cross(n, acting["sliding"]) - couple
+        return force / masses[:, None], torque / inertias[:, None]
+
+    a, b = accelerations(x.copy(), v, spin, np.zeros_like(x))
+    for _ in range(steps):
+        old, turns = x.copy(), step * spin + 0.5 * step**2 * b
+        x += step * v + 0.5 * step**2 * a
+        new_a, new_b = accelerations(old, v + step * a, spin + step * b, turns)
+        v += 0.5 * step * (a + new_a)
+        spin += 0.5 * step * (b + new_b)
+        a, b = new_a, new_b
+    return x, np.hstack([v, spin])
