@@ -55,7 +55,7 @@ class Parameters:
     size_ratio: float = parameter(2.0, "Largest over smallest radius.", "-", POSITIVE, limits=(1, 10))
     density: float = parameter(2600.0, "Density of the particles.", "kg/m3", POSITIVE, limits=(1e-3, 1e6))
     seed: int = parameter(1, "Seed of the random packing.", "", NOT_NEGATIVE, limits=(0, 2**32 - 1))
-    step_ratio: float = parameter(0.7, "Time step as a share of the critical step (a rigorous bound).", "-", SHARE)
+    step_ratio: float = parameter(0.8, "Time step as a share of the critical step of the packing.", "-", SHARE)
 
     study: ClassVar[str] = ""
     title: ClassVar[str] = ""
@@ -101,8 +101,9 @@ class Triaxial(Parameters):
     """Triaxial compression of spheres."""
 
     inertial_number: float = parameter(
-        3e-4, "Inertial number of the rate; below 1e-3 quasi-static.", "-", POSITIVE, limits=(1e-7, 0.1)
+        5e-4, "Inertial number of the rate; below 1e-3 quasi-static.", "-", POSITIVE, limits=(1e-7, 0.1)
     )
+    size_ratio: float = parameter(1.5, "Largest over smallest radius.", "-", POSITIVE, limits=(1, 10))
     study: ClassVar[str] = "triaxial"
     title: ClassVar[str] = "Triaxial compression of spheres in a periodic cell"
     axes: ClassVar[int] = 3

@@ -48,11 +48,12 @@ class ElementTest:
         self.settled = self.servo.compress(p.pressure, TOLERANCE) and settled
         self.servo.rest()
         self.step = self.servo.step
-        self._start = self.soil.cell.matrix
+        self.start = self.soil.cell.matrix
         self._solid = self.soil.masses.sum() / p.density  # m3 (m2)
         self.work_before = self.soil.energies()["cell_work"]
-        self.isotropic = self.sample()  # the state before loading
         self._begun = self.soil.time
+        self.isotropic = self.sample()  # the state before loading
+        self.voigt = voigt(self.soil)
         self.probe = self._measure()
         self._load(1.0)
         self.steps = max(math.ceil((p.strain - self.strain) / (p.rate * self.step)), 1)
@@ -75,14 +76,14 @@ class ElementTest:
         stress = 0.5 * (stress + stress.T)
         volume = soil.cell.volume
         values = np.linalg.eigvalsh(stress)
-        row = {"time_s": self.time if hasattr(self, "_begun") else 0.0}
+        row = {"time_s": self.time}
         if p.study == "shear":
-            row |= {"shear_strain": self.strain, "volumetric_strain": math.log(volume / np.linalg.det(self._start)),
+            row |= {"shear_strain": self.strain, "volumetric_strain": math.log(volume / np.linalg.det(self.start)),
                     "normal_stress_Pa": stress[1, 1], "shear_stress_Pa": -stress[0, 1], "lateral_stress_Pa": stress[0, 0],
                     "stress_ratio": -stress[0, 1] / stress[1, 1]}  # fmt: skip
         else:
             lateral = np.diag(stress)[:-1]
-            row |= {"axial_strain": self.strain, "volumetric_strain": math.log(volume / np.linalg.det(self._start)),
+            row |= {"axial_strain": self.strain, "volumetric_strain": math.log(volume / np.linalg.det(self.start)),
                     "axial_stress_Pa": stress[-1, -1], "lateral_stress_Pa": float(lateral.mean()),
                     "deviator_stress_Pa": stress[-1, -1] - float(lateral.mean()),
                     "stress_ratio": stress[-1, -1] / float(lateral.mean())}  # fmt: skip
@@ -105,10 +106,18 @@ class ElementTest:
     @property
     def strain(self) -> float:
         """Axial strain (compression positive), or shear strain."""
-        now = self.soil.cell.matrix
         if self.parameters.study == "shear":
-            return self.parameters.rate * self.time if hasattr(self, "_begun") else 0.0
-        return math.log(self._start[-1, -1] / now[-1, -1])
+            return self.parameters.rate * self.time
+        return math.log(self.start[-1, -1] / self.soil.cell.matrix[-1, -1])
+
+    @property
+    def deformation(self) -> np.ndarray:
+        """Deformation gradient of the cell (axes, axes) since the loading began."""
+        now = self.soil.cell.matrix
+        if self.parameters.study == "shear":  # the cell takes whole edges off an edge that leans too far over
+            lean = now[0, 1] - self.strain * now[1, 1]
+            now[0, 1] -= np.round(lean / now[0, 0]) * now[0, 0]
+        return now @ np.linalg.inv(self.start)
 
     def _load(self, share: float) -> None:
         """Set the loading at a share of the rate."""
@@ -127,7 +136,7 @@ class ElementTest:
         if p.study == "shear":
             return None
         self._load(SLOWER)
-        start, before = np.diag(self._start), self.soil.cell_stress().diagonal()
+        start, before = np.diag(self.start), self.soil.cell_stress().diagonal()
         strains, stresses = [], []
         while self.strain < PROBE / p.stiffness_level:
             self.advance(self.servo.interval)
@@ -169,12 +178,9 @@ def cell_of(p: Parameters, places: np.ndarray, radii: np.ndarray, size: np.ndarr
 
 def servo(p: Parameters, soil: Assembly) -> ServoCell:
     """Servo with the step and the modulus of the parameters."""
-    return ServoCell(soil, p.step_ratio * critical_step(p, soil), p.stiffness_level * p.pressure)
-
-
-def critical_step(p: Parameters, soil: Assembly) -> float:
-    """Critical step (s) of the contacts, with those that come when the packing is compressed."""
-    return soil.critical_step(contact_range=0.01)
+    # with the pairs that come into contact when the packing is compressed
+    step = p.step_ratio * soil.critical_step(sharp=True, contact_range=0.01)
+    return ServoCell(soil, step, p.stiffness_level * p.pressure)
 
 
 def shake(soil: Assembly, p: Parameters) -> None:
