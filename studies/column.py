@@ -25,7 +25,7 @@ class Parameters:
     """Parameters of the study."""
 
     aspects: str = parameter("0.5,1,2,4,8", "Aspect ratios a = H / L0 of the columns, one run each.")
-    particles: int = parameter(3000, "Discs in a column, about.", "", POSITIVE, limits=(50, 1_000_000))
+    particles: int = parameter(1200, "Discs in a column, about.", "", POSITIVE, limits=(50, 1_000_000))
     radius: float = parameter(0.01, "Largest radius.", "m", POSITIVE, limits=(1e-9, 1e3))
     size_ratio: float = parameter(1.5, "Largest over smallest radius.", "-", POSITIVE, limits=(1, 10))
     friction: float = parameter(0.5, "Friction coefficient of sliding, floor included.", "-", NOT_NEGATIVE, limits=(0, 10))
@@ -41,7 +41,7 @@ class Parameters:
     porosity: float = parameter(0.17, "Porosity of the columns.", "-", POSITIVE, limits=(0.05, 0.3))
     density: float = parameter(2600.0, "Density of the discs.", "kg/m3", POSITIVE, limits=(1e-3, 1e6))
     seed: int = parameter(1, "Seed of the random packings.", "", NOT_NEGATIVE, limits=(0, 2**32 - 1))
-    step_ratio: float = parameter(0.7, "Time step as a share of the critical step (a rigorous bound).", "-", SHARE)
+    step_ratio: float = parameter(0.7, "Time step as a share of the critical step of the column.", "-", SHARE)
 
     def __post_init__(self) -> None:
         check(self)

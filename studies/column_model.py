@@ -42,7 +42,7 @@ class Column:
         reach = width * (3.0 + 4.0 * aspect)
         thick = 4.0 * p.radius
         self.soil.add_wall(Plate.rectangle((-thick, -thick), (20.0 * reach, 0.0), name="floor"), self._wall(0.0, -thick))
-        self.step = p.step_ratio * self.soil.critical_step(contact_range=0.01)
+        self.step = p.step_ratio * self.soil.critical_step(sharp=True, contact_range=0.01)
         lasting = LASTS * (math.sqrt(height / GRAVITY) + math.sqrt(width / GRAVITY))
         self.steps = math.ceil(lasting / self.step)
         self.potential = float((self.soil.masses * settled[:, 1]).sum()) * GRAVITY  # J, above the floor
@@ -68,7 +68,7 @@ class Column:
         soil = Assembly(places, radii, p.density, self._law(stiffness, 0.0, 0.0))
         floor = Plate.rectangle((-thick, -thick), (self.width + thick, 0.0), name="floor")
         soil.add_wall(floor, self._wall(0.0, -thick), self._wall(self.width, thick))
-        step = p.step_ratio * soil.critical_step(contact_range=0.01)
+        step = p.step_ratio * soil.critical_step(sharp=True, contact_range=0.01)
         weight = soil.masses.sum() * GRAVITY
         for _ in range(200):
             soil.advance(500, step, gravity=(0.0, -GRAVITY), local_damping=0.3)

@@ -80,7 +80,7 @@ def contact_rose(done: Finished, path: Path) -> None:
 
     In space by the angle to the axis of compression, over the solid angle, so that isotropy is a circle.
     """
-    drawn, axes = drawing.figure(1, 2, (4.2, 4.2), subplot_kw={"projection": "polar"})
+    drawn, axes = drawing.figure(1, 2, (4.2, 4.6), subplot_kw={"projection": "polar"})
     edges = np.linspace(0.0, 2.0 * np.pi, BINS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
     for one, colour, name in ((done.states[0], "0.6", "before loading"), (done.states[-1], "#c1272d", "at the end")):
@@ -96,8 +96,8 @@ def contact_rose(done: Finished, path: Path) -> None:
         density = count / count.sum() * weight.sum() / weight
         for ax, values in ((axes[0, 0], density), (axes[0, 1], force / one.normal_force.mean())):
             ax.plot(np.r_[middle, middle[0]], np.r_[values, values[0]], color=colour, lw=1.5, label=name)
-    for ax, title in zip(axes[0], ("contacts by direction (isotropic: 1)", "mean normal force by direction (isotropic: 1)")):
-        ax.set_title(title)
+    for ax, title in zip(axes[0], ("number of contacts by direction", "mean normal force by direction")):
+        ax.set_title(title, pad=14)
         ax.set_ylim(bottom=0.0)
     axes[0, 0].legend(fontsize=8, loc="lower left", bbox_to_anchor=(-0.1, -0.1))
     drawing.save(drawn, path)

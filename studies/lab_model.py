@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,22 +38,24 @@ class ElementTest:
         self.parameters = p
         places, radii, size = packing(p)
         loose = p.preparation_friction > 0.0
-        first = cell_of(p, places * (LOOSENING if loose else 1.0), radii, size * (LOOSENING if loose else 1.0),
-                        p.preparation_friction)  # fmt: skip
+        spread = LOOSENING if loose else 1.0
+        cell = PeriodicCell((spread * size).tolist())
+        first = Assembly(spread * places, radii, p.density, law(p, p.preparation_friction), cell=cell)
         if loose:
             shake(first, p)
         settled = servo(p, first).compress(p.pressure, TOLERANCE)
-        self.soil = cell_of(p, first.positions, radii, np.diag(first.cell.matrix), p.friction)
+        self.cell = PeriodicCell(cell.matrix.diagonal().tolist())
+        self.soil = Assembly(first.positions, radii, p.density, law(p, p.friction), cell=self.cell)
         self.servo = servo(p, self.soil)
         self.settled = self.servo.compress(p.pressure, TOLERANCE) and settled
         self.servo.rest()
         self.step = self.servo.step
-        self.start = self.soil.cell.matrix
+        self.start = self.cell.matrix
         self._solid = self.soil.masses.sum() / p.density  # m3 (m2)
         self.work_before = self.soil.energies()["cell_work"]
         self._begun = self.soil.time
         self.isotropic = self.sample()  # the state before loading
-        self.voigt = voigt(self.soil)
+        self.voigt = voigt(self.soil, self.cell.volume)
         self.probe = self._measure()
         self._load(1.0)
         self.steps = max(math.ceil((p.strain - self.strain) / (p.rate * self.step)), 1)
@@ -74,7 +76,7 @@ class ElementTest:
         soil, p = self.soil, self.parameters
         stress = -soil.cell_stress()
         stress = 0.5 * (stress + stress.T)
-        volume = soil.cell.volume
+        volume = self.cell.volume
         values = np.linalg.eigvalsh(stress)
         row = {"time_s": self.time}
         if p.study == "shear":
@@ -108,12 +110,12 @@ class ElementTest:
         """Axial strain (compression positive), or shear strain."""
         if self.parameters.study == "shear":
             return self.parameters.rate * self.time
-        return math.log(self.start[-1, -1] / self.soil.cell.matrix[-1, -1])
+        return math.log(self.start[-1, -1] / self.cell.matrix[-1, -1])
 
     @property
     def deformation(self) -> np.ndarray:
         """Deformation gradient of the cell (axes, axes) since the loading began."""
-        now = self.soil.cell.matrix
+        now = self.cell.matrix
         if self.parameters.study == "shear":  # the cell takes whole edges off an edge that leans too far over
             lean = now[0, 1] - self.strain * now[1, 1]
             now[0, 1] -= np.round(lean / now[0, 0]) * now[0, 0]
@@ -140,7 +142,7 @@ class ElementTest:
         strains, stresses = [], []
         while self.strain < PROBE / p.stiffness_level:
             self.advance(self.servo.interval)
-            strains.append(np.log(np.diag(self.soil.cell.matrix) / start))
+            strains.append(np.log(np.diag(self.cell.matrix) / start))
             stresses.append(self.soil.cell_stress().diagonal() - before)
         return Probe(np.array(strains), np.array(stresses))
 
@@ -171,11 +173,6 @@ def law(p: Parameters, friction: float) -> LiChu:
     )  # fmt: skip
 
 
-def cell_of(p: Parameters, places: np.ndarray, radii: np.ndarray, size: np.ndarray, friction: float) -> Assembly:
-    """Assembly at rest in a periodic cell."""
-    return Assembly(places, radii, p.density, law(p, friction), cell=PeriodicCell(size))
-
-
 def servo(p: Parameters, soil: Assembly) -> ServoCell:
     """Servo with the step and the modulus of the parameters."""
     # with the pairs that come into contact when the packing is compressed
@@ -192,7 +189,7 @@ def shake(soil: Assembly, p: Parameters) -> None:
     soil.velocities = motion * 0.3 * math.sqrt(p.pressure / p.density)
 
 
-def voigt(soil: Assembly) -> tuple[float, float]:
+def voigt(soil: Assembly, volume: float) -> tuple[float, float]:
     """Young modulus (Pa) and Poisson ratio of the sticking contacts under affine motion (Voigt bound), isotropic part.
 
     D_ijkl = 1/V sum l^2 n_i n_k (k_N n_j n_l + k_s t_j t_l), each contact once (Chang & Ma 1992); as
@@ -202,7 +199,7 @@ def voigt(soil: Assembly) -> tuple[float, float]:
 
     found = soil.contacts()
     n, k = found.normal, stiffnesses(soil, found)
-    arm = (found.first_arm + found.second_arm) ** 2 / soil.cell.volume
+    arm = (found.first_arm + found.second_arm) ** 2 / volume
     local = k[:, 0, None, None] * n[:, :, None] * n[:, None, :]
     for t in tangents(n):
         local = local + k[:, 1, None, None] * t[:, :, None] * t[:, None, :]

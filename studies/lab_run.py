@@ -13,7 +13,7 @@ import numpy as np
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
 from studies.lab import Parameters
-from studies.lab_model import ElementTest, fitted_moduli, voigt
+from studies.lab_model import ElementTest, fitted_moduli
 
 SERIES = ("particles", "contacts")
 FIGURES = ("curves.png", "packing.png", "contact_rose.png")
@@ -52,7 +52,7 @@ class Finished:
 def state(model: ElementTest) -> State:
     """The packing as it is now."""
     soil = model.soil
-    matrix, moved = soil.cell.matrix, soil.displacements
+    matrix, moved = model.cell.matrix, soil.displacements
     places = soil.positions
     affine = soil.reference @ model.deformation.T
     turn = moved[:, 2] if soil.axes == 2 else -moved[:, 4]
