@@ -38,7 +38,6 @@ class Parameters:
     stiffness_level: float = parameter(
         1000.0, "Normal stiffness over the weight of the column, k_N / (density g H).", "-", POSITIVE, limits=(10, 1e6)
     )
-    porosity: float = parameter(0.17, "Porosity of the columns.", "-", POSITIVE, limits=(0.05, 0.3))
     density: float = parameter(2600.0, "Density of the discs.", "kg/m3", POSITIVE, limits=(1e-3, 1e6))
     seed: int = parameter(1, "Seed of the random packings.", "", NOT_NEGATIVE, limits=(0, 2**32 - 1))
     step_ratio: float = parameter(0.7, "Time step as a share of the critical step of the column.", "-", SHARE)

@@ -10,8 +10,8 @@ from particles import Assembly, LiChu, Plate
 from studies import packing_cache
 from studies.column import GRAVITY, Parameters
 
-LASTS = 6.0  # time for the fall and the spreading, in sqrt(H/g) and in sqrt(L/g) of the runout that is expected
-RESTING = 1e-6  # kinetic energy at rest, as a share of the potential energy of the column
+LASTS = 4.0  # time of fall, spreading and coming to rest, in sqrt(H/g) + sqrt(L0/g)
+SETTLED = 1e-6  # kinetic energy of a settled column, as a share of the energy that it could fall by
 ANGLE_PART = (0.15, 0.85)  # part of the free surface, between wall and front, to which the angle is fitted
 
 
@@ -27,11 +27,9 @@ class Column:
         self.parameters = p
         low = p.radius / p.size_ratio
         mean = math.pi * (p.radius**2 + p.radius * low + low**2) / 3.0  # area of a disc
-        width = math.sqrt(p.particles * mean / ((1.0 - p.porosity) * aspect))
+        width = math.sqrt(p.particles * mean / ((1.0 - packing_cache.JAMMED[2]) * aspect))
         height = aspect * width
-        places, radii = packing_cache.random_dense(
-            ((0.0, 0.0), (width, height)), (low, p.radius), p.porosity, p.seed, exponent=0.0
-        )
+        places, radii = packing_cache.jammed(((0.0, 0.0), (width, height)), (low, p.radius), p.seed)
         stiffness = p.stiffness_level * p.density * GRAVITY * height
         self._mass = p.density * mean
         self.width = width
@@ -72,7 +70,7 @@ class Column:
         weight = soil.masses.sum() * GRAVITY
         for _ in range(200):
             soil.advance(500, step, gravity=(0.0, -GRAVITY), local_damping=0.3)
-            if abs(floor.force[1] / weight + 1.0) < 0.01 and soil.energies()["kinetic"] < RESTING * weight * places[:, 1].max():
+            if abs(floor.force[1] / weight + 1.0) < 0.01 and soil.energies()["kinetic"] < SETTLED * weight * places[:, 1].max():
                 break
         return soil.positions
 

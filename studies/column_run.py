@@ -13,9 +13,10 @@ import numpy as np
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
 from studies.column import Parameters, lube, staron_hinch
-from studies.column_model import RESTING, Column
+from studies.column_model import Column
 
 FILES = ("summary.json", "history.csv", "runout.png", "collapse.png", "fronts.png")
+AT_REST = 1e-4  # kinetic energy at rest, as a share of the potential energy of the column
 LARGEST_ERROR = 0.01  # of the energy balance, as a share of the work of gravity
 
 
@@ -30,7 +31,7 @@ class Fallen:
     @property
     def at_rest(self) -> bool:
         """Whether the kinetic energy of the end is negligible against the potential energy of the column."""
-        return self.outcome.history[-1]["kinetic_J"] < 1e3 * RESTING * self.column.potential
+        return self.outcome.history[-1]["kinetic_J"] < AT_REST * self.column.potential
 
 
 def carry_out(

@@ -60,7 +60,6 @@ class Parameters:
     study: ClassVar[str] = ""
     title: ClassVar[str] = ""
     axes: ClassVar[int] = 2
-    porosity: ClassVar[float] = 0.16  # of the packing when its particles just touch
 
     def __post_init__(self) -> None:
         check(self)
@@ -107,7 +106,6 @@ class Triaxial(Parameters):
     study: ClassVar[str] = "triaxial"
     title: ClassVar[str] = "Triaxial compression of spheres in a periodic cell"
     axes: ClassVar[int] = 3
-    porosity: ClassVar[float] = 0.36
 
 
 @dataclass(frozen=True)

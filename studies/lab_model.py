@@ -43,7 +43,7 @@ class ElementTest:
         first = Assembly(spread * places, radii, p.density, law(p, p.preparation_friction), cell=cell)
         if loose:
             shake(first, p)
-        settled = servo(p, first).compress(p.pressure, TOLERANCE)
+        settled = servo(p, first, spread - 1.0).compress(p.pressure, TOLERANCE)
         self.cell = PeriodicCell(cell.matrix.diagonal().tolist())
         self.soil = Assembly(first.positions, radii, p.density, law(p, p.friction), cell=self.cell)
         self.servo = servo(p, self.soil)
@@ -155,9 +155,9 @@ def packing(p: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         mean = math.pi * (p.radius**2 + p.radius * low + low**2) / 3.0
     else:
         mean = math.pi / 3.0 * (p.radius + low) * (p.radius**2 + low**2)
-    side = (p.particles * mean / (1.0 - p.porosity)) ** (1.0 / p.axes)
+    side = (p.particles * mean / (1.0 - packing_cache.JAMMED[p.axes])) ** (1.0 / p.axes)
     bounds = (0.0,) * p.axes, (side,) * p.axes
-    places, radii = packing_cache.random_dense(bounds, (low, p.radius), p.porosity, p.seed, exponent=0.0, periodic=True)
+    places, radii = packing_cache.jammed(bounds, (low, p.radius), p.seed, periodic=True)
     return places, radii, np.full(p.axes, side)
 
 
@@ -173,10 +173,10 @@ def law(p: Parameters, friction: float) -> LiChu:
     )  # fmt: skip
 
 
-def servo(p: Parameters, soil: Assembly) -> ServoCell:
-    """Servo with the step and the modulus of the parameters."""
+def servo(p: Parameters, soil: Assembly, gap: float = 0.0) -> ServoCell:
+    """Servo with the step and the modulus of the parameters; `gap` between particles as a share of their distance."""
     # with the pairs that come into contact when the packing is compressed
-    step = p.step_ratio * soil.critical_step(sharp=True, contact_range=0.01)
+    step = p.step_ratio * soil.critical_step(sharp=True, contact_range=0.01 + gap)
     return ServoCell(soil, step, p.stiffness_level * p.pressure)
 
 

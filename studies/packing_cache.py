@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+JAMMED = {2: 0.16, 3: 0.36}  # porosity at which random discs and spheres jam without friction, about
+
 
 def cache_folder() -> Path:
     """Folder of the kept packings, under the user's cache directory ($XDG_CACHE_HOME or ~/.cache)."""
@@ -48,3 +50,16 @@ def random_dense(
     except OSError as failure:
         warnings.warn(f"the packing could not be kept in {file.parent} ({failure.strerror})", stacklevel=2)
     return made
+
+
+def jammed(
+    bounds: Any, radii: tuple[float, float], seed: int, periodic: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """Packing that just touches, as dense as uniformly distributed radii jam without friction; its porosity is found.
+
+    Returns:
+        Positions (n, axes) and radii (n,), m.
+    """
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="packing: porosity")
+        return random_dense(bounds, radii, JAMMED[len(bounds[0])], seed, exponent=0.0, periodic=periodic)
