@@ -11,6 +11,10 @@ import click
 
 STUDIES = {
     "foundation": ("studies.foundation_command", "foundation under a strip plate: particles, continuum and both"),
+    "biaxial": ("studies.lab_command:biaxial", "biaxial compression of discs in a periodic cell"),
+    "triaxial": ("studies.lab_command:triaxial", "triaxial compression of spheres in a periodic cell"),
+    "shear": ("studies.lab_command:shear", "simple shear of discs in a periodic cell at constant normal stress"),
+    "column": ("studies.column_command", "collapse of columns of discs: runout against aspect ratio"),
     "accuracy": ("studies.accuracy", "speed against error of a study over a list of settings"),
 }
 USAGE_ERROR = 2
@@ -23,7 +27,10 @@ class _Studies(click.Group):
         return list(STUDIES)
 
     def get_command(self, context: click.Context, name: str) -> click.Command | None:
-        return importlib.import_module(STUDIES[name][0]).command if name in STUDIES else None
+        if name not in STUDIES:
+            return None
+        module, _, command = STUDIES[name][0].partition(":")
+        return getattr(importlib.import_module(module), command or "command")
 
     def resolve_command(self, context: click.Context, arguments: list[str]):
         if arguments[0] not in STUDIES:

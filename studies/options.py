@@ -131,3 +131,15 @@ def size_in_metres(name: str, text: str) -> tuple[float, float]:
     if not (math.isfinite(width) and math.isfinite(depth) and width > 0 and depth > 0):
         raise ValueError(f"{name}={brief(text)} must have positive width and depth (m)")
     return width, depth
+
+
+def one_rank(study: str) -> None:
+    """Refuse several MPI ranks for a study that runs on one.
+
+    Raises:
+        ValueError: there are several.
+    """
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size > 1:
+        raise ValueError(f"ranks={MPI.COMM_WORLD.size} must be 1: {study} runs on one core, start it without mpirun")

@@ -1,0 +1,66 @@
+"""The command `column`: collapse of columns of several aspect ratios, and the runout over all of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+import numpy as np
+
+from studies.column import TITLE, Parameters, lube, staron_hinch
+from studies.foundation_command import unstable
+from studies.options import brief, click_options, one_rank
+
+HELP = f"""{TITLE}.
+
+Each column settles between two smooth walls without friction, the right one vanishes, and the column spreads over a floor
+as rough as the discs. The run ends when the heap is at rest. Published: Lube et al. (2005) for sand, Staron & Hinch (2005)
+for discs without rolling resistance.
+"""
+
+
+@click.command("column", help=HELP, context_settings={"max_content_width": 118})
+@click_options(Parameters)
+@click.option("--output", default="out/column", metavar="FOLDER", help="Folder for the results.  [default: out/column]")
+@click.option("--samples", default=100, type=int, metavar="NUMBER", help="Rows of history.csv a column.  [default: 100]")
+@click.option("--frames", default=6, type=int, metavar="NUMBER", help="Times of the field files a column.  [default: 6]")
+@click.option("--no-fields", is_flag=True, help="Write no field files.")
+@click.option("--no-figures", is_flag=True, help="Draw no figures.")
+@click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+def command(
+    output: str, samples: int, frames: int, no_fields: bool, no_figures: bool, quiet: bool, **values: Any
+) -> int:
+    """Check everything, then run; returns the exit status."""
+    for option, value, most in (("samples", samples, 1_000_000), ("frames", frames, 10_000)):
+        if not 1 <= value <= most:
+            raise ValueError(f"{option}={brief(value)} must be between 1 and {most}")
+    p = Parameters(**values)
+    one_rank("column")
+
+    from bridge.output import check_folder
+
+    folder = check_folder(output)
+
+    from studies.column_run import carry_out
+
+    summary = carry_out(
+        p, folder, samples=samples, frames=0 if no_fields else frames, figures=not no_figures, progress=not quiet
+    )
+    if not summary["stable"]:
+        return unstable(summary["message"])
+    if not quiet:
+        click.echo(report(summary))
+        click.echo(f"results in {folder}")
+    return 0
+
+
+def report(summary: dict[str, Any]) -> str:
+    """Runs of all columns as a table."""
+    lines = [f"{'a':>6s}{'runout':>10s}{'sand (Lube)':>14s}{'discs (Staron)':>16s}{'height/L0':>12s}{'angle':>9s}"]
+    results = summary["results"]
+    for k, a in enumerate(results["aspects"]["value"]):
+        row = [results[name]["value"][k] for name in ("runout", "final_height", "heap_angle")]
+        lines.append(f"{a:6.2f}{row[0]:10.2f}{lube(np.array(a)):14.2f}{staron_hinch(np.array(a)):16.2f}{row[1]:12.2f}{row[2]:8.1f}°")
+    lines.append(f"energy balance error {summary['energy']['balance_error']:.2e}")
+    lines.append("seconds: " + ", ".join(f"{name} {value:.1f}" for name, value in summary["seconds"].items()))
+    return "\n".join(lines)
