@@ -22,11 +22,16 @@ def test_the_driver_script_presses_the_plate_in(capsys):
     assert max(errors) < 0.01 * 1e3 * loads[-1] * 0.02  # J, against load times displacement
 
 
-def test_the_scripts_on_particles_run_one_after_the_other(capsys):
+def test_the_scripts_on_particles_run_one_after_the_other(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     scope = {"__name__": "guide"}
     for script in scripts("docs/particles.md"):
         exec(compile(script, "docs/particles.md", "exec"), scope)
-    *impact, balance, _, last = capsys.readouterr().out.splitlines()
+    *impact, balance, _, last, settled = capsys.readouterr().out.splitlines()
     assert len(impact) == 2  # spins of two spheres, friction and energy balance
     assert abs(float(balance)) < 1e-3 * 0.5e6 * (0.5e-3) ** 2  # of what the overlap stored
     assert float(last.split()[-1]) > 0.0  # shear takes work
+    _, ratio, stress = map(float, settled.split())
+    # six spheres above it: 6 m g from above and 7 m g from below at arms of r: 13 m g r / V = 13 rho g r
+    assert ratio <= 1e-3 and abs(stress / (-13.0 * 2600.0 * 9.81 * 0.05) - 1.0) < 0.02
+    assert (tmp_path / "chains.vtu").exists()
