@@ -145,7 +145,9 @@ def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray,
     start, first, second, history = system.start, system.first, system.second, system.history
     if soil.count and 2.0 * contact_range * soil._radii.max() > 0.0:
         # also pairs that the list does not hold, or no longer holds
-        skin = max(2.0 * contact_range * soil._radii.max(), soil.skin)
+        skin = 2.0 * contact_range * soil._radii.max()
+        if soil._laws.has_bonds:  # listed within the skin, stretched since by as much at most
+            skin = max(skin, 2.0 * soil.skin)
         width = 2.0 * soil._radii.max() + skin
         start, first, second = neighbours.list_pairs(
             system.position, system.position[:, RADIUS], soil._ghost[soil._ids], width, skin, axes, 4 * soil.count + 16,
@@ -162,7 +164,7 @@ def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray,
     branch = nearest_image(soil.cell, system.position[second, :axes] - system.position[first, :axes])
     distance = np.linalg.norm(branch, axis=1)
     near = reach * (1.0 + contact_range) > distance
-    if hasattr(soil._laws.all[0], "reaches"):
+    if soil._laws.has_bonds:
         near |= soil._laws.all[0].reaches(reach - distance, soil._laws.by_channel(history[:, :count]))
     return first[near], second[near], history[:, :count][:, near]
 

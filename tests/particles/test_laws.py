@@ -482,6 +482,11 @@ def test_a_bond_across_a_gap_belongs_to_the_network(axes):
     soil.velocities = q / 1e-5
     soil.advance(1, 1e-5)
     assert soil.contacts().push == pytest.approx(-law.normal_stiffness * 1e-5, rel=1e-3)  # the pull slows it down meanwhile
+    # stretched beyond the skin of the list, which is not yet stale
+    far, lists = _bonded_pair(axes, law, 1.5e-3, (560.0, 0.0)), soil.rebuilds
+    far.advance(1, 1e-5)
+    assert far.skin < 7e-3 and far.rebuilds == lists
+    assert far.contacts(contact_range=1e-6).overlap == pytest.approx(-7.1e-3, rel=1e-3)
 
 
 @spaces
