@@ -32,7 +32,7 @@ class Parameters:
     rolling_friction: float = parameter(
         0.1, "Friction coefficient of rolling, on the rolling radius l_i l_j / (l_i + l_j).", "-", NOT_NEGATIVE, limits=(0, 10)
     )
-    restitution_damping: float = parameter(
+    damping: float = parameter(
         0.3, "Dampers of the contacts, as a share of critical damping.", "-", NOT_NEGATIVE, limits=(0, 1)
     )
     stiffness_level: float = parameter(

@@ -41,11 +41,16 @@ def command(
 
     folder = check_folder(output)
 
+    from particles import Unstable
+    from particles.driving import NotSettled
     from studies.column_run import carry_out
 
-    summary = carry_out(
-        p, folder, samples=samples, frames=0 if no_fields else frames, figures=not no_figures, progress=not quiet
-    )
+    try:
+        summary = carry_out(
+            p, folder, samples=samples, frames=0 if no_fields else frames, figures=not no_figures, progress=not quiet
+        )
+    except (NotSettled, Unstable) as failure:  # before the release
+        return unstable(str(failure))
     if not summary["stable"]:
         return unstable(summary["message"])
     if not quiet:

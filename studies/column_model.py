@@ -7,11 +7,12 @@ import math
 import numpy as np
 
 from particles import Assembly, LiChu, Plate
+from particles.driving import settle
 from studies import packing_cache
 from studies.column import GRAVITY, Parameters
 
 LASTS = 4.0  # time of fall, spreading and coming to rest, in sqrt(H/g) + sqrt(L0/g)
-SETTLED = 1e-6  # kinetic energy of a settled column, as a share of the energy that it could fall by
+SETTLED = 1e-3  # unbalanced over contact forces of a settled column
 ANGLE_PART = (0.15, 0.85)  # part of the free surface, between wall and front, to which the angle is fitted
 
 
@@ -47,7 +48,7 @@ class Column:
 
     def _law(self, stiffness: float, friction: float, rolling: float) -> LiChu:
         p = self.parameters
-        damper = 2.0 * p.restitution_damping * math.sqrt(0.5 * self._mass * stiffness)
+        damper = 2.0 * p.damping * math.sqrt(0.5 * self._mass * stiffness)
         rough = 0.5 * stiffness if friction else 0.0
         return LiChu(
             stiffness, rough, rough if rolling else 0.0, normal_damping=damper, sliding_damping=0.7 * damper if rough else 0.0,
@@ -67,11 +68,7 @@ class Column:
         floor = Plate.rectangle((-thick, -thick), (self.width + thick, 0.0), name="floor")
         soil.add_wall(floor, self._wall(0.0, -thick), self._wall(self.width, thick))
         step = p.step_ratio * soil.critical_step(sharp=True, contact_range=0.01)
-        weight = soil.masses.sum() * GRAVITY
-        for _ in range(200):
-            soil.advance(500, step, gravity=(0.0, -GRAVITY), local_damping=0.3)
-            if abs(floor.force[1] / weight + 1.0) < 0.01 and soil.energies()["kinetic"] < SETTLED * weight * places[:, 1].max():
-                break
+        settle(soil, step, SETTLED, gravity=(0.0, -GRAVITY))
         return soil.positions
 
     # What `run` needs ---------------------------------------------------------------------------------------------------

@@ -50,12 +50,16 @@ def _command(kind: type[Parameters]) -> click.Command:
 
         folder = check_folder(output)
 
+        from particles import Unstable
         from studies.lab_run import carry_out
 
-        done = carry_out(
-            parameters, folder, samples=samples, frames=0 if no_fields else frames, figures=not no_figures,
-            progress=not quiet,
-        )  # fmt: skip
+        try:
+            done = carry_out(
+                parameters, folder, samples=samples, frames=0 if no_fields else frames, figures=not no_figures,
+                progress=not quiet,
+            )  # fmt: skip
+        except Unstable as failure:  # in the isotropic compression
+            return unstable(str(failure))
         if not done.outcome.stable:
             return unstable(done.outcome.message)
         if not quiet:

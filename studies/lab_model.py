@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from particles import Assembly, LiChu, PeriodicCell
-from particles.measures import coordination
-from particles.stability import tangents
+from particles.measures import coordination, moduli
 from studies import packing_cache
 from studies.lab import Parameters
 from studies.lab_cell import ServoCell
@@ -190,24 +189,11 @@ def shake(soil: Assembly, p: Parameters) -> None:
 
 
 def voigt(soil: Assembly, volume: float) -> tuple[float, float]:
-    """Young modulus (Pa) and Poisson ratio of the sticking contacts under affine motion (Voigt bound), isotropic part.
-
-    D_ijkl = 1/V sum l^2 n_i n_k (k_N n_j n_l + k_s t_j t_l), each contact once (Chang & Ma 1992); as
-    `particles.measures.moduli`, but in space too.
-    """
-    from particles.network import stiffnesses
-
-    found = soil.contacts()
-    n, k = found.normal, stiffnesses(soil, found)
-    arm = (found.first_arm + found.second_arm) ** 2 / volume
-    local = k[:, 0, None, None] * n[:, :, None] * n[:, None, :]
-    for t in tangents(n):
-        local = local + k[:, 1, None, None] * t[:, :, None] * t[:, None, :]
-    d = np.einsum("c,ci,ck,cjl->ijkl", arm, n, n, local)
-    axes = soil.axes
-    along = np.einsum("iiii->", d) / axes
-    across = (np.einsum("iijj->", d) - axes * along) / (axes * (axes - 1))
-    return elastic_constants(along, across, axes)
+    """Young modulus (Pa) and Poisson ratio of the isotropic part of the moduli under affine motion (Voigt bound)."""
+    d, _ = moduli(soil, volume, contact_range=0.0)
+    along = np.einsum("iiii->", d) / soil.axes
+    across = (np.einsum("iijj->", d) - soil.axes * along) / (soil.axes * (soil.axes - 1))
+    return elastic_constants(along, across, soil.axes)
 
 
 def elastic_constants(along: float, across: float, axes: int) -> tuple[float, float]:
