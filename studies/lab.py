@@ -8,8 +8,8 @@ and then sheared slowly with friction:
     shear       discs; simple shear along x at a constant rate, the stress along y held, no strain along x
 
 Stiffness and rate are given without units, for results depend on these alone: the stiffness level kappa = k_N / p in the
-plane, k_N / (p d) in space (Combe & Roux 2003), and the inertial number I = rate sqrt(m / p) in the plane, rate d
-sqrt(density / p) in space (GDR MiDi 2004; da Cruz et al. 2005), below about 1e-3 quasi-static. Dampers sit in the
+plane, k_N / (p d) in space (Combe & Roux 2003), and the inertial number I = rate d sqrt(density / p) (GDR MiDi 2004;
+da Cruz et al. 2005), below about 1e-3 quasi-static. Dampers sit in the
 contacts, where they do not resist the homogeneous motion of the cell. Strains are logarithmic; axial strain and stresses
 are positive in compression, volumetric strain in dilation. SI units, in the plane per metre of thickness.
 """
@@ -31,7 +31,7 @@ class Parameters:
     strain: float = parameter(0.12, "Axial strain at the end (logarithmic).", "-", POSITIVE, limits=(1e-4, 1.0))
     pressure: float = parameter(1e5, "Confining stress.", "Pa", POSITIVE, limits=(1e-3, 1e12))
     inertial_number: float = parameter(
-        2e-4, "Inertial number of the rate; below 1e-3 quasi-static.", "-", POSITIVE, limits=(1e-7, 0.1)
+        1e-4, "Inertial number of the rate; below 1e-3 quasi-static.", "-", POSITIVE, limits=(1e-7, 0.1)
     )
     stiffness_level: float = parameter(
         1000.0, "Normal stiffness over pressure, kappa; 1/kappa is about the overlap over the diameter.", "-", POSITIVE,
@@ -83,8 +83,7 @@ class Parameters:
     @property
     def rate(self) -> float:
         """Rate of the test, 1/s."""
-        inertia = self.mass if self.axes == 2 else self.density * self.diameter**2
-        return self.inertial_number * math.sqrt(self.pressure / inertia)
+        return self.inertial_number * math.sqrt(self.pressure / self.density) / self.diameter
 
 
 @dataclass(frozen=True)
@@ -112,6 +111,9 @@ class Triaxial(Parameters):
 class Shear(Parameters):
     """Simple shear of discs."""
 
+    inertial_number: float = parameter(
+        2e-4, "Inertial number of the rate; below 1e-3 quasi-static.", "-", POSITIVE, limits=(1e-7, 0.1)
+    )
     strain: float = parameter(0.3, "Shear strain at the end.", "-", POSITIVE, limits=(1e-4, 10.0))
     study: ClassVar[str] = "shear"
     title: ClassVar[str] = "Simple shear of discs in a periodic cell at constant normal stress"

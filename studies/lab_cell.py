@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from particles.driving import unbalanced
+
 RESPONSE = 5.0  # response time of the servo, in intervals between two looks at the stress
 INTEGRAL = 5.0  # time of its integral part, in response times
 SETTLED = 10  # looks within the tolerance before a state counts as reached
@@ -67,7 +69,7 @@ class ServoCell:
         """Isotropic compression until all normal stresses stay at the pressure (Pa); False if that takes too long.
 
         Args:
-            tolerance: of the stresses, and of the kinetic over the elastic energy, as shares.
+            tolerance: of the stresses, as a share, and of the mean unbalanced over the mean contact force.
             most: steps.
         """
         axes = self.soil.axes
@@ -76,14 +78,10 @@ class ServoCell:
         for _ in range(0, most, self.interval):
             self.advance(self.interval)
             near = np.abs(np.diag(self.soil.cell_stress()) / pressure + 1.0).max() < tolerance
-            good = good + 1 if near and self._calm(tolerance) else 0
+            good = good + 1 if near and unbalanced(self.soil).mean < tolerance else 0
             if good == SETTLED:
                 return True
         return False
-
-    def _calm(self, tolerance: float) -> bool:
-        terms = self.soil.energies()
-        return terms["kinetic"] < tolerance * sum(terms[name] for name in terms if name.startswith("elastic_"))
 
     def rest(self) -> None:
         """Stop the cell: no rates, no trend."""

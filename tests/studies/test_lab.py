@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from bridge.run import run
+from particles.driving import inertial_number
 from studies import column_run, lab_run
 from studies.column import Parameters as ColumnParameters
 from studies.column import lube
@@ -72,6 +73,12 @@ def test_energy_is_accounted_for_and_kinetic_energy_negligible(name, request):
     energy = made.model.energies()
     assert abs(energy["balance"]) < 0.01 * energy["external_work"]
     assert made.outcome.column("kinetic_J").mean() < 0.02 * made.outcome.column("elastic_J").mean()
+
+
+def test_the_rate_is_that_of_the_inertial_number(compressed, spheres):
+    for made in (compressed, spheres):
+        found = inertial_number(made.model.soil, made.p.rate, made.p.pressure)
+        assert found == pytest.approx(made.p.inertial_number, rel=0.05)  # the mean diameter is that of the drawn radii
 
 
 def test_work_of_the_cell_is_stress_times_strain(compressed):
