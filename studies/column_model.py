@@ -11,7 +11,7 @@ from particles.driving import settle
 from studies import packing_cache
 from studies.column import GRAVITY, Parameters
 
-LASTS = 4.0  # time of fall, spreading and coming to rest, in sqrt(H/g) + sqrt(L0/g)
+LASTS = 5.0  # time of fall, spreading and coming to rest, in sqrt(H/g) + sqrt(L0/g)
 SETTLED = 1e-3  # unbalanced over contact forces of a settled column
 ANGLE_PART = (0.15, 0.85)  # part of the free surface, between wall and front, to which the angle is fitted
 
@@ -102,8 +102,8 @@ class Column:
     # Results -------------------------------------------------------------------------------------------------------------
 
     @property
-    def front(self) -> float:
-        """Right end (m) of the heap that hangs together from the wall on, over contacts; single discs beyond do not count."""
+    def heap(self) -> np.ndarray:
+        """Discs (n,) of the heap that hangs together over contacts; single discs that roll on beyond it do not count."""
         from scipy import sparse
         from scipy.sparse.csgraph import connected_components
 
@@ -112,8 +112,18 @@ class Column:
         found = self.soil.contacts(contact_range=0.02)
         links = sparse.coo_matrix((np.ones(len(found.first)), (found.first, found.second)), shape=(count, count))
         _, group = connected_components(links, directed=False)
-        heap = group == np.bincount(group).argmax()
-        return float((self.soil.positions[:, 0] + self.soil.radii)[heap].max())
+        return group == np.bincount(group).argmax()
+
+    @property
+    def front(self) -> float:
+        """Right end of the heap, m."""
+        return float((self.soil.positions[:, 0] + self.soil.radii)[self.heap].max())
+
+    @property
+    def heap_kinetic(self) -> float:
+        """Kinetic energy of the heap, J."""
+        weights = np.column_stack([self.soil.masses, self.soil.masses, self.soil.inertias])
+        return float(0.5 * (weights * self.soil.velocities**2)[self.heap].sum())
 
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
         """Profile of the heap: middles of strips two largest discs wide and height of the highest disc in each, m."""

@@ -30,8 +30,8 @@ class Fallen:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the kinetic energy of the end is negligible against the potential energy of the column."""
-        return self.outcome.history[-1]["kinetic_J"] < AT_REST * self.column.potential
+        """Whether the kinetic energy of the heap is negligible against the potential energy of the column."""
+        return self.column.heap_kinetic < AT_REST * self.column.potential
 
 
 def carry_out(
