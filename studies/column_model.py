@@ -12,7 +12,7 @@ from studies import packing_cache
 from studies.column import GRAVITY, Parameters
 
 LASTS = 5.0  # time of fall, spreading and coming to rest, in sqrt(H/g) + sqrt(L0/g)
-SETTLED = 1e-3  # unbalanced over contact forces of a settled column
+SETTLED = 1e-2  # unbalanced over contact forces of a settled column
 ANGLE_PART = (0.15, 0.85)  # part of the free surface, between wall and front, to which the angle is fitted
 
 
