@@ -8,6 +8,8 @@ import numpy as np
 import scipy.sparse as sparse
 from numba import njit
 
+from particles.system import INNER
+
 
 class Blocks(NamedTuple):
     """A sparse matrix of 3 x 3 blocks (CSR)."""
@@ -25,7 +27,7 @@ def blocks(matrix: sparse.spmatrix) -> Blocks:
     return Blocks(found.indptr.astype(np.uint64), found.indices.astype(np.uint64), np.ascontiguousarray(found.data))
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(**INNER, fastmath={"contract"})
 def row_times(matrix, row, values):
     """The three components of a block row of matrix times values (n, 3)."""
     x = 0.0

@@ -16,6 +16,7 @@ from numba import njit
 from bridge.blocks import row_times
 from bridge.substeps import carry_ghosts, forces, ghosts_feel, list_used_up, still_ghosts, take_link
 from particles.motion import drift, kick, kick_drift
+from particles.system import INNER, OUTER
 
 
 class Nodes(NamedTuple):
@@ -52,7 +53,7 @@ class Mesh(NamedTuple):
     work: np.ndarray  # (1,): of the loads, J
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _start_nodes(nodes, damping, h):
     """First half kick and drift of the interface nodes, from velocities at the coarse time."""
     lost = 0.0
@@ -73,7 +74,7 @@ def _start_nodes(nodes, damping, h):
     nodes.lost[0] += 0.5 * h * damping * lost
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _pull_nodes(nodes, stiffness, time, weight):
     """Force of the continuum at a time (s) since the coarse time; `weight` (s) is that of its impulse."""
     for i in range(nodes.force.shape[0]):
@@ -84,7 +85,7 @@ def _pull_nodes(nodes, stiffness, time, weight):
             nodes.impulse[i, component] += weight * force
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(**INNER, fastmath={"contract"})
 def _kick_nodes(nodes, damping, h, last):
     """New accelerations; velocities to the end of the step, or on to the middle of the next, and drift."""
     less = 1.0 / (1.0 + 0.5 * damping * h)
@@ -106,7 +107,7 @@ def _kick_nodes(nodes, damping, h, last):
     nodes.lost[0] += h * damping * lost
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def run_subcycled(system, terms, linear, ghosts, nodes, stiffness, damping, h, steps, first):
     """Fine steps of particles and interface nodes; the ghosts are where the nodes put them.
 
@@ -139,7 +140,7 @@ def run_subcycled(system, terms, linear, ghosts, nodes, stiffness, damping, h, s
     return steps
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(**INNER, fastmath={"contract"})
 def move_others(mesh, damping, step):
     """Take the nodes off the interface over a coarse step (s) under the force at its start, with mass damping (1/s)."""
     less = 1.0 / (1.0 + 0.5 * damping * step)
@@ -162,7 +163,7 @@ def move_others(mesh, damping, step):
     mesh.work[0] += work
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(**INNER, fastmath={"contract"})
 def _finish_row(mesh, row, internal, damping, step):
     """Kick a node to the impulse of the trapezoidal rule, `internal` being its internal force at the end, N."""
     for component in range(3):
@@ -176,14 +177,14 @@ def _finish_row(mesh, row, internal, damping, step):
             mesh.acceleration[row, component] = (force + mesh.link[row, component]) * inverse - damping * velocity
 
 
-@njit(cache=True)
+@njit(**INNER)
 def finish(mesh, internal, damping, step):
     """End the coarse step at internal forces (n, 3)."""
     for row in range(internal.shape[0]):
         _finish_row(mesh, row, internal[row], damping, step)
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def run_coarse(system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at, damping, left, h, steps, first):
     """Coarse steps of a rank that holds everything, until none are `left` (1,); returns for a new list on the way.
 

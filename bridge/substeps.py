@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from particles.motion import drift, evaluate, kick, kick_drift, moved, stale
+from particles.system import INNER, OUTER
 
 
 class Ghosts(NamedTuple):
@@ -45,7 +46,7 @@ class Linear(NamedTuple):
     reference: np.ndarray  # (n, 3)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _linear_forces(position, force, linear):
     for row in range(position.shape[0]):
         for component in range(3):
@@ -57,7 +58,7 @@ def _linear_forces(position, force, linear):
             force[row, component] = total
 
 
-@njit(cache=True)
+@njit(**INNER)
 def forces(system, terms, linear, h):
     if linear is None:
         evaluate(system, terms, h)
@@ -65,14 +66,14 @@ def forces(system, terms, linear, h):
         _linear_forces(system.position, system.force, linear)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def list_used_up(system, linear):
     if linear is None:
         return stale(system)
     return False
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _save(system, ghosts, saved):
     for k in range(ghosts.rows.size):
         for component in range(3):
@@ -80,7 +81,7 @@ def _save(system, ghosts, saved):
             saved[k, 3 + component] = system.velocity[ghosts.rows[k], component]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def still_ghosts(system, ghosts):
     """Take the ghosts' velocities and forces out of a loop over all rows (they were saved)."""
     for k in range(ghosts.rows.size):
@@ -91,7 +92,7 @@ def still_ghosts(system, ghosts):
             system.force[row, component] = 0.0
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _predict(predicted, system, ghosts, h):
     """Velocities of the ghosts at the end of the step, for dashpots."""
     if predicted is None:
@@ -102,7 +103,7 @@ def _predict(predicted, system, ghosts, h):
             predicted[row, component] = system.velocity[row, component] + 0.5 * h * system.acceleration[row, component]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _drift_massless(system, terms, ghosts, saved, acceleration, h):
     """`drift` of all rows; the ghosts move by their own velocity and `acceleration` and book no energy."""
     _save(system, ghosts, saved)
@@ -121,7 +122,7 @@ def _drift_massless(system, terms, ghosts, saved, acceleration, h):
     moved(system, h * np.sqrt(fastest))
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _advance_others(system, terms, ghosts, h, last, previous):
     """Kick (and drift) all rows but the ghosts, which stand still and feel nothing meanwhile."""
     still_ghosts(system, ghosts)
@@ -132,7 +133,7 @@ def _advance_others(system, terms, ghosts, h, last, previous):
         kick_drift(system, terms, h)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _place_ghosts(system, ghosts, saved, reaction, acceleration, h, last):
     """Advance the ghost rows from their saved half-step state with the given accelerations (g, 3); restore their forces."""
     fastest = 0.0
@@ -151,7 +152,7 @@ def _place_ghosts(system, ghosts, saved, reaction, acceleration, h, last):
         moved(system, h * np.sqrt(fastest))
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _react(system, ghosts, saved, reaction, h, work):
     """Reactions on massless ghosts; the work of what drives them is booked over the step just moved (trapezoidal)."""
     for k in range(ghosts.rows.size):
@@ -162,7 +163,7 @@ def _react(system, ghosts, saved, reaction, h, work):
             reaction[k, component] = new
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _nodal_sum(ghosts, values, nodal):
     """nodal = N_g^T values."""
     nodal[:] = 0.0
@@ -172,7 +173,7 @@ def _nodal_sum(ghosts, values, nodal):
                 nodal[ghosts.node[s], component] += ghosts.weight[s] * values[k, component]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _at_ghosts(ghosts, nodal, values):
     """values = N_g nodal."""
     for k in range(ghosts.rows.size):
@@ -183,7 +184,7 @@ def _at_ghosts(ghosts, nodal, values):
             values[k, component] = total
 
 
-@njit(cache=True)
+@njit(**INNER)
 def take_link(system, ghosts, link):
     """link = N_g^T of the contact forces on the ghosts, (w, 3); then they stand still and feel nothing."""
     link[:] = 0.0
@@ -203,7 +204,7 @@ def take_link(system, ghosts, link):
             system.force[row, component] = 0.0
 
 
-@njit(cache=True)
+@njit(**INNER)
 def ghosts_feel(system, ghosts):
     """Whether ghosts have forces: `take_link` leaves none, so that these were evaluated elsewhere (after a change)."""
     for k in range(ghosts.rows.size):
@@ -213,7 +214,7 @@ def ghosts_feel(system, ghosts):
     return False
 
 
-@njit(cache=True)
+@njit(**INNER)
 def carry_ghosts(system, ghosts, nodes, h):
     """Give the ghosts the nodes' velocity and acceleration, and the displacement of a step of `h` with that velocity."""
     fastest = 0.0
@@ -239,7 +240,7 @@ def carry_ghosts(system, ghosts, nodes, h):
     moved(system, h * np.sqrt(fastest))
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def run_prescribed(
     system, terms, linear, ghosts, acceleration, h, steps, first, pause, saved, reaction, previous, work
 ):
@@ -262,7 +263,7 @@ def run_prescribed(
     return steps
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def run_slaved(
     system, terms, linear, ghosts, nodal, inverse_mass, h, steps, first, saved, reaction, acceleration, previous, work
 ):
@@ -303,7 +304,7 @@ def run_slaved(
     return steps
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, first, shift, multiplier, nodal, work):
     """Ghosts are particles; multipliers tie their velocities to N_g times the velocity that goes from `start` to `end`.
 
@@ -360,7 +361,7 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, fir
     return steps
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _shift_ghosts(system, ghosts, shift, h):
     """Displace the ghosts by `shift` (g, 3) within the step that they have just drifted."""
     largest = 0.0

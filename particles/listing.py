@@ -71,7 +71,7 @@ def _listed(soil: Assembly, position: np.ndarray, width: float, old_row_of: np.n
     system = soil._system
     capacity = int(1.1 * system.first.size) + 3 * soil.count + 16
     start, first, second = neighbours.list_pairs(
-        position, position[:, RADIUS], soil._ghost[soil._ids], width, soil.skin, soil.axes, capacity, system.cell
+        position, position[:, RADIUS].copy(), soil._ghost[soil._ids], width, soil.skin, soil.axes, capacity, system.cell
     )
     history = aligned((len(soil._laws.columns), first.size))
     neighbours.carry_history(

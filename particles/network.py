@@ -150,7 +150,7 @@ def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray,
             skin = max(skin, 2.0 * soil.skin)
         width = 2.0 * soil._radii.max() + skin
         start, first, second = neighbours.list_pairs(
-            system.position, system.position[:, RADIUS], soil._ghost[soil._ids], width, skin, axes, 4 * soil.count + 16,
+            system.position, system.position[:, RADIUS].copy(), soil._ghost[soil._ids], width, skin, axes, 4 * soil.count + 16,
             system.cell,
         )
         history = np.zeros((len(soil._laws.columns), first.size))

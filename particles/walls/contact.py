@@ -40,7 +40,7 @@ from particles.walls.rows import (
 SAME_POINT = 1e-6  # closest points nearer to each other than this share of the radius are one
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def closest(vertices, corners, normals, facet, x):
     """Closest point of a facet to x (Ericson 2005, Real-Time Collision Detection, 5.1.5), reference position of the wall.
 
@@ -79,7 +79,7 @@ def closest(vertices, corners, normals, facet, x):
     return foot, FACE, height
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def _shared(corners, facet, other):
     """Bits of the corners of a facet that another one has as well."""
     bits = 0
@@ -90,7 +90,7 @@ def _shared(corners, facet, other):
     return bits
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def _counts(near, corners, facet, first, count, k, smooth, radius):
     """Whether listed pair k of a particle and a wall is a contact of its own."""
     part, size = near[k, PART], abs(near[k, DISTANCE])
@@ -153,7 +153,7 @@ def look(walls, body, owner, x, radius, first, count):
         near[k, LIVE] = 1.0 if _counts(near, corners, walls.facet, first, count, k, walls.wall[wall, SMOOTH], radius) else 0.0
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def _hand_over(history, near, first, count):
     """A new contact takes the history of the nearest one that is no contact any more; the last line says which were one."""
     flag = history.shape[0] - 1
@@ -182,7 +182,7 @@ def _motion_of(translation, rotation, space, i):
     return (translation[i, 0], translation[i, 1], 0.0), (0.0, 0.0, translation[i, 2])
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def _increments(near, k, body, owner, arm, shift, turn):
     """Kinematics of one contact in the step, seen from the wall, in the axes of the step's end.
 
@@ -216,7 +216,7 @@ def _increments(near, k, body, owner, arm, shift, turn):
     return slide, mean, roll, old_normal
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def _rates(normal, distance, body, owner, arm, velocity, spin):
     """Opening and sliding velocity, relative spin at the end of the step."""
     wall_spin = row_vector(body, owner, PREDICTED + 3)
@@ -226,7 +226,7 @@ def _rates(normal, distance, body, owner, arm, velocity, spin):
     return opening, moved(moved(rate, -opening, normal), -distance, cross(spin, normal)), minus(spin, wall_spin)
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def _carrying(normal, old_normal, turn, body, owner):
     """How tangential vectors turn in the step, as for a pair: half the sum of both rotations, then with the normal."""
     cayley = row_vector(body, owner, CAYLEY)
@@ -236,7 +236,7 @@ def _carrying(normal, old_normal, turn, body, owner):
     return half, plus(before, turned_by(half, before)), normal
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def _answer(space, law, near, k, body, owner, arm, shift, turn, velocity, spin, radius, mass, values, place, stride, blank):
     """The law's answer to one contact (`space`: None for discs): force and couple on the particle (3,), energies spent."""
     normal, distance = row_vector(near, k, NORMAL), near[k, DISTANCE]
