@@ -140,7 +140,7 @@ def run_subcycled(system, terms, linear, ghosts, nodes, stiffness, damping, h, s
     return steps
 
 
-@njit(**INNER, fastmath={"contract"})
+@njit(**OUTER, fastmath={"contract"})
 def move_others(mesh, damping, step):
     """Take the nodes off the interface over a coarse step (s) under the force at its start, with mass damping (1/s)."""
     less = 1.0 / (1.0 + 0.5 * damping * step)
@@ -177,7 +177,7 @@ def _finish_row(mesh, row, internal, damping, step):
             mesh.acceleration[row, component] = (force + mesh.link[row, component]) * inverse - damping * velocity
 
 
-@njit(**INNER)
+@njit(**OUTER)
 def finish(mesh, internal, damping, step):
     """End the coarse step at internal forces (n, 3)."""
     for row in range(internal.shape[0]):
