@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from particles import energies, listing, motion, network, stability
+from particles import bonds, energies, listing, motion, network, stability
 from particles.cell import PeriodicCell, checked_gradient, nearest_image
 from particles.columns import aligned
 from particles.contacts import SCRATCH
@@ -14,7 +14,7 @@ from particles.dispatch import Direct
 from particles.laws.several import Laws
 from particles.motion import Unstable
 from particles.network import rows_of
-from particles.system import RADIUS, SMALLEST_RADIUS, SUMS, TIME, TRAVEL_LIMIT, Breaks, Held, System, Terms
+from particles.system import RADIUS, SMALLEST_RADIUS, SUMS, TIME, TRAVEL_LIMIT, Held, System, Terms
 from particles.walls.listing import arranged, driven
 from particles.walls.servo import set_contact_constants
 from particles.walls.wall import Wall
@@ -345,35 +345,7 @@ class Assembly:
         Raises:
             ValueError: the law has no bonds, or a reach that is no share of the radii.
         """
-        columns = [name for name, _ in self._laws.columns]
-        if "bond" not in columns:
-            raise ValueError(f"law={type(self._laws.all[0]).__name__} has no bonds; take the law Bonded")
-        if not (np.isfinite(reach) and reach >= 0.0):
-            raise ValueError(f"reach={reach} must be zero or positive (share of the sum of the radii)")
-        before = self._mechanical()
-        self._widen(2.0 * reach * self._radii.max(initial=0.0))
-        listing.rebuild(self)
-        system = self._system
-        count = int(system.start[-1])
-        first, second = system.first[:count].astype(np.int64), system.second[:count].astype(np.int64)
-        branch = system.position[second, : self.axes] - system.position[first, : self.axes]
-        distance = np.linalg.norm(nearest_image(self.cell, branch), axis=1)
-        sums = system.position[first, RADIUS] + system.position[second, RADIUS]
-        wanted = distance <= (1.0 + reach) * sums
-        if pairs is not None:
-            pairs = np.sort(np.asarray(pairs, dtype=np.int64).reshape(-1, 2), axis=1)
-            own = np.sort(np.column_stack([self._ids[first], self._ids[second]]), axis=1).astype(np.int64)
-            wanted &= np.isin(own @ [self.count, 1], pairs @ [self.count, 1])
-        places = np.flatnonzero(wanted)
-        system.history[:, places] = 0.0
-        system.history[columns.index("bond"), places] = 1.0
-        system.history[columns.index("offset"), places] = (distance - sums)[places]
-        bonds = int((system.history[columns.index("bond"), :count] > 0.5).sum())
-        self._file_breaks()
-        self._system = system._replace(breaks=Breaks(np.zeros((bonds, 7)), np.zeros(1, dtype=np.int64)))
-        self._primed = None
-        self._imposed += self._mechanical() - before
-        return places.size
+        return bonds.make(self, reach, pairs)
 
     def _widen(self, skin: float) -> None:
         """Make the list reach at least as far as `skin` (m) beyond contact."""
@@ -399,13 +371,7 @@ class Assembly:
     @property
     def bonds(self) -> np.ndarray:
         """Ids (k, 2) of the pairs whose bonds hold."""
-        columns = [name for name, _ in self._laws.columns]
-        if "bond" not in columns:
-            return np.zeros((0, 2), dtype=np.int64)
-        system = self._system
-        count = int(system.start[-1])
-        held = np.flatnonzero(system.history[columns.index("bond"), :count] > 0.5)
-        return np.column_stack([self._ids[system.first[held]], self._ids[system.second[held]]]).astype(np.int64)
+        return bonds.held(self)
 
     def set_ghosts(self, ids: Any) -> None:
         """Discs that the caller moves (see `particles.motion`): pairs of two of them are no longer listed."""
