@@ -23,7 +23,7 @@ class PeriodicCell:
         ValueError: lengths that are not positive, or no periodic axis.
     """
 
-    def __init__(self, size: Sequence[float], periodic: Sequence[bool] | None = None) -> None:
+    def __init__(self, size: Sequence[float] | np.ndarray, periodic: Sequence[bool] | None = None) -> None:
         lengths = np.array(size, dtype=float)
         flags = np.ones(lengths.size, dtype=bool) if periodic is None else np.array(periodic, dtype=bool)
         if lengths.shape not in ((2,), (3,)) or not (np.isfinite(lengths) & (lengths > 0.0)).all():

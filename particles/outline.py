@@ -29,7 +29,7 @@ class Faces:
 
     def inside(self, points: np.ndarray) -> np.ndarray:
         """True (n,) for points in the box."""
-        return ((points >= self.lower) & (points <= self.upper)).all(axis=1)
+        return np.asarray(((points >= self.lower) & (points <= self.upper)).all(axis=1))
 
     def planes(self, places: np.ndarray, radii: np.ndarray, reach: float) -> Planes:
         """Faces closer than `reach` (m) to a particle's surface."""

@@ -38,12 +38,12 @@ class ElementTest:
         places, radii, size = packing(p)
         loose = p.preparation_friction > 0.0
         spread = LOOSENING if loose else 1.0
-        cell = PeriodicCell((spread * size).tolist())
+        cell = PeriodicCell(spread * size)
         first = Assembly(spread * places, radii, p.density, law(p, p.preparation_friction), cell=cell)
         if loose:
             shake(first, p)
         settled = servo(p, first, spread - 1.0).compress(p.pressure, TOLERANCE)
-        self.cell = PeriodicCell(cell.matrix.diagonal().tolist())
+        self.cell = PeriodicCell(cell.matrix.diagonal())
         self.soil = Assembly(first.positions, radii, p.density, law(p, p.friction), cell=self.cell)
         self.servo = servo(p, self.soil)
         self.settled = self.servo.compress(p.pressure, TOLERANCE) and settled

@@ -141,7 +141,7 @@ class Bonded:
         """Elastic energies of k bonds and contacts by channel (k,), J."""
         opening = -(overlap + history["offset"][:, 0])
         stretched = np.where(history["bond"][:, 0] > 0.5, opening, np.minimum(opening, 0.0))
-        found = {"normal": 0.5 * self.normal_stiffness * stretched**2}
+        found: dict[str, np.ndarray] = {"normal": 0.5 * self.normal_stiffness * stretched**2}
         stiffness = {
             "sliding": self.shear_stiffness, "moment": self.bending_stiffness, "torsion": self.torsion_stiffness
         }  # fmt: skip
