@@ -16,7 +16,7 @@ from numba import njit
 from bridge.blocks import row_times
 from bridge.substeps import carry_ghosts, forces, ghosts_feel, list_used_up, still_ghosts, take_link
 from particles.motion import drift, kick, kick_drift
-from particles.system import INNER, OUTER
+from particles.system import INNER, STEPS
 
 
 class Nodes(NamedTuple):
@@ -107,7 +107,7 @@ def _kick_nodes(nodes, damping, h, last):
     nodes.lost[0] += h * damping * lost
 
 
-@njit(**OUTER)
+@njit(**STEPS)
 def run_subcycled(system, terms, linear, ghosts, nodes, stiffness, damping, h, steps, first):
     """Fine steps of particles and interface nodes; the ghosts are where the nodes put them.
 
@@ -140,7 +140,7 @@ def run_subcycled(system, terms, linear, ghosts, nodes, stiffness, damping, h, s
     return steps
 
 
-@njit(**OUTER, fastmath={"contract"})
+@njit(**STEPS, fastmath={"contract"})
 def move_others(mesh, damping, step):
     """Take the nodes off the interface over a coarse step (s) under the force at its start, with mass damping (1/s)."""
     less = 1.0 / (1.0 + 0.5 * damping * step)
@@ -177,14 +177,14 @@ def _finish_row(mesh, row, internal, damping, step):
             mesh.acceleration[row, component] = (force + mesh.link[row, component]) * inverse - damping * velocity
 
 
-@njit(**OUTER)
+@njit(**STEPS)
 def finish(mesh, internal, damping, step):
     """End the coarse step at internal forces (n, 3)."""
     for row in range(internal.shape[0]):
         _finish_row(mesh, row, internal[row], damping, step)
 
 
-@njit(**OUTER)
+@njit(**STEPS)
 def run_coarse(system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at, damping, left, h, steps, first):
     """Coarse steps of a rank that holds everything, until none are `left` (1,); returns for a new list on the way.
 

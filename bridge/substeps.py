@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from particles.motion import drift, evaluate, kick, kick_drift, moved, stale
-from particles.system import INNER, OUTER
+from particles.system import INNER, MERGED, OUTER, STEPS
 
 
 class Ghosts(NamedTuple):
@@ -58,7 +58,7 @@ def _linear_forces(position, force, linear):
             force[row, component] = total
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def forces(system, terms, linear, h):
     if linear is None:
         evaluate(system, terms, h)
@@ -66,7 +66,7 @@ def forces(system, terms, linear, h):
         _linear_forces(system.position, system.force, linear)
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def list_used_up(system, linear):
     if linear is None:
         return stale(system)
@@ -81,7 +81,7 @@ def _save(system, ghosts, saved):
             saved[k, 3 + component] = system.velocity[ghosts.rows[k], component]
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def still_ghosts(system, ghosts):
     """Take the ghosts' velocities and forces out of a loop over all rows (they were saved)."""
     for k in range(ghosts.rows.size):
@@ -127,7 +127,9 @@ def _advance_others(system, terms, ghosts, h, last, previous):
     """Kick (and drift) all rows but the ghosts, which stand still and feel nothing meanwhile."""
     still_ghosts(system, ghosts)
     if last:
-        previous[:] = system.acceleration[:, :3]
+        for i in range(previous.shape[0]):
+            for component in range(3):
+                previous[i, component] = system.acceleration[i, component]
         kick(system, terms, h)
     else:
         kick_drift(system, terms, h)
@@ -184,7 +186,7 @@ def _at_ghosts(ghosts, nodal, values):
             values[k, component] = total
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def take_link(system, ghosts, link):
     """link = N_g^T of the contact forces on the ghosts, (w, 3); then they stand still and feel nothing."""
     link[:] = 0.0
@@ -204,7 +206,7 @@ def take_link(system, ghosts, link):
             system.force[row, component] = 0.0
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def ghosts_feel(system, ghosts):
     """Whether ghosts have forces: `take_link` leaves none, so that these were evaluated elsewhere (after a change)."""
     for k in range(ghosts.rows.size):
@@ -214,7 +216,7 @@ def ghosts_feel(system, ghosts):
     return False
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def carry_ghosts(system, ghosts, nodes, h):
     """Give the ghosts the nodes' velocity and acceleration, and the displacement of a step of `h` with that velocity."""
     fastest = 0.0
@@ -240,7 +242,7 @@ def carry_ghosts(system, ghosts, nodes, h):
     moved(system, h * np.sqrt(fastest))
 
 
-@njit(**OUTER)
+@njit(**STEPS)
 def run_prescribed(
     system, terms, linear, ghosts, acceleration, h, steps, first, pause, saved, reaction, previous, work
 ):

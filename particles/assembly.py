@@ -76,6 +76,7 @@ class Assembly:
         self.all_laws: list[Any] = list(self._laws.all)
         self._numbers = self._laws.rows(self.all_laws)
         self._plate_laws: np.ndarray = np.zeros((0, self._laws.kinds), dtype=np.int64)  # places in `all_laws`
+        self._largest_radius = float(self._radii.max(initial=0.0))
         mean = float(self._radii.mean()) if count else 1.0
         self.skin = SKIN * mean if skin is None else float(skin)
         if not (np.isfinite(self.skin) and self.skin > 0.0):

@@ -85,8 +85,14 @@ def move_cell(cell, step):
     """Deform the edges by one step."""
     if cell is None:
         return
-    cell.rate[:] = cell.gradient @ cell.matrix
-    cell.matrix[:] += step * cell.rate
+    for a in range(3):
+        for b in range(3):
+            cell.rate[a, b] = 0.0
+            for c in range(3):
+                cell.rate[a, b] += cell.gradient[a, c] * cell.matrix[c, b]
+    for a in range(3):
+        for b in range(3):
+            cell.matrix[a, b] += step * cell.rate[a, b]
 
 
 def image_numbers(cell):

@@ -207,7 +207,7 @@ def _log_breaks(breaks, scratch, history, sums, position, time, space, first, se
         scratch[_SPENT + BREAKING * STRIDE + c] = 0.0
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def pair_forces(system, terms, step):
     """Add the contact forces of all listed pairs to the rows' forces; histories and energy sums follow.
 

@@ -30,11 +30,11 @@ def rebuild(soil: Assembly) -> None:
         Unstable: a particle has no finite position or velocity.
     """
     system, axes = soil._system, soil.axes
-    finite = np.isfinite(system.position).all(axis=1) & np.isfinite(system.velocity).all(axis=1)
-    if not finite.all():
-        row = int(np.flatnonzero(~finite)[0])
+    row = neighbours.first_bad(system.position, system.velocity)
+    if row >= 0:
         raise Unstable(f"particle {soil._ids[row]} has no finite position or velocity at t={soil.time:g} s")
-    width = 2.0 * soil._radii.max(initial=0.0) + soil.skin
+    largest = soil._largest_radius
+    width = 2.0 * largest + soil.skin
     if soil.cell is not None:
         reduce_tilt(soil.cell)
         check_room(soil.cell, width)
@@ -45,17 +45,16 @@ def rebuild(soil: Assembly) -> None:
     ):
         old_row_of = _sort(soil, width, changed)
     position = changed.get("position", system.position)
-    start, first, second, history = _listed(soil, position, width, old_row_of)
-    largest = soil._radii.max(initial=0.0)
+    grid, start, first, second, history = _listed(soil, position, width, old_row_of)
     while bonds_in(soil, history) < bonds_in(soil, system.history) and soil.skin < 2.0 * largest:
         # a bond must stay in the list for as long as it holds, however far it stretches (up to a diameter; and pairs of
         # two ghosts, which the caller moves, are no longer listed)
         soil._widen(1.5 * soil.skin)
         width = 2.0 * largest + soil.skin
-        start, first, second, history = _listed(soil, position, width, old_row_of)
+        grid, start, first, second, history = _listed(soil, position, width, old_row_of)
     changed.update(start=start, first=first, second=second, history=history, listed=position[:, :axes].copy())
     if system.walls is not None:
-        changed["walls"] = listed(system.walls, position, axes, soil.skin, old_row_of)
+        changed["walls"] = listed(system.walls, position, axes, soil.skin, old_row_of, grid)
     system.clock[TRAVEL] = 0.0
     if system.cell is not None:
         system.cell.listed[:] = system.cell.matrix
@@ -66,18 +65,19 @@ def rebuild(soil: Assembly) -> None:
         soil._compose_held()
 
 
-def _listed(soil: Assembly, position: np.ndarray, width: float, old_row_of: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Start, first, second of a new list and the histories carried into it."""
+def _listed(soil: Assembly, position: np.ndarray, width: float, old_row_of: np.ndarray) -> tuple[Any, ...]:
+    """Grid, start, first, second of a new list and the histories carried into it."""
     system = soil._system
-    capacity = int(1.1 * system.first.size) + 3 * soil.count + 16
+    capacity = int(1.1 * system.first.size) + 3 * soil.count
+    grid = neighbours.grid_of(position, width, soil.axes, system.cell)
     start, first, second = neighbours.list_pairs(
-        position, position[:, RADIUS].copy(), soil._ghost[soil._ids], width, soil.skin, soil.axes, capacity, system.cell
+        grid, position, position[:, RADIUS].copy(), soil._ghost[soil._ids], soil.skin, soil.axes, capacity, system.cell
     )
     history = aligned((len(soil._laws.columns), first.size))
     neighbours.carry_history(
         start, second, history, system.start, system.second, system.history, old_row_of, soil._laws.signs
     )
-    return start, first, second, history
+    return grid, start, first, second, history
 
 
 def bonds_in(soil: Assembly, history: np.ndarray) -> int:
@@ -100,8 +100,7 @@ def _sort(soil: Assembly, width: float, changed: dict[str, Any]) -> np.ndarray:
     """Sort the rows by cell; the old row of each new one."""
     system = soil._system
     soil._file_breaks()
-    cell, number = neighbours.cell_grid(system.position, width, soil.axes, system.cell)
-    order, _ = neighbours.sort_by_cell(cell, int(number.prod()))
+    order = neighbours.grid_of(system.position, width, soil.axes, system.cell).order
     for name in _ROWS:
         rows = getattr(system, name)
         if rows is not None:

@@ -138,8 +138,8 @@ def reference_pairs(soil: Assembly, contact_range: float = 1e-3) -> np.ndarray:
     largest = radii.max(initial=0.0)
     skin = (2.0 * contact_range + 1e-12) * largest
     none = np.zeros(soil.count, dtype=bool)
-    width, capacity = 2.0 * largest + skin, 4 * soil.count + 16
-    start, first, second = neighbours.list_pairs(places, radii, none, width, skin, soil.axes, capacity, None)
+    grid = neighbours.grid_of(places, 2.0 * largest + skin, soil.axes, None)
+    start, first, second = neighbours.list_pairs(grid, places, radii, none, skin, soil.axes, 4 * soil.count, None)
     first, second = first[: start[-1]], second[: start[-1]]
     gap = np.linalg.norm(places[second] - places[first], axis=1) - (1.0 + contact_range) * (radii[first] + radii[second])
     return np.column_stack([first, second])[gap < 0.0]

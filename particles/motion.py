@@ -31,11 +31,13 @@ from particles.system import (
     KERNEL,
     LOCAL_DAMPING,
     MASS_DAMPING,
-    OUTER,
+    MERGED,
+    MERGED_STEPS,
     POWER,
     RADIUS,
     SMALLEST_RADIUS,
     STEADY,
+    STEPS,
     TIME,
     TRAVEL,
     TRAVEL_LIMIT,
@@ -214,7 +216,7 @@ def _kick_rows(
         _predict(predicted, velocity, acceleration, half)
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def _drift(system, spin, terms, step):
     fastest = 0.0
     count = system.position.shape[0]
@@ -237,7 +239,7 @@ def _drift(system, spin, terms, step):
     return fastest
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def _kick(system, spin, terms, step, move):
     fastest = 0.0
     count = system.position.shape[0]
@@ -312,7 +314,7 @@ def _restore_rows(held, place, velocity, predicted, acceleration, force, first, 
                 sums[HELD] -= weight * held.force[k, f] * held.velocity[k, f]
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def _suspend(held, spin, system):
     """Take held components out of a loop over all rows: no velocity, no force."""
     if held is not None:
@@ -321,7 +323,7 @@ def _suspend(held, spin, system):
             _suspend_rows(held, system.spin, system.torque, 3)
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def _restore(held, spin, system, weight, step):
     """Give held components their velocity back and move them by `step` s; largest speed squared among them."""
     fastest = 0.0
@@ -344,21 +346,21 @@ def _restore(held, spin, system, weight, step):
 # ----------------------------------------------------------------------------------------------------- building blocks
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def drift(system, terms, step):
     """First half kick and drift: velocities to the middle of the step, positions and walls to its end."""
     _suspend(system.held, system.spin, system)
     _arrive(system, _drift(system, system.spin, terms, step), step, 0.5 * step)
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def kick_drift(system, terms, step):
     """After `evaluate`: accelerations, velocities on to the middle of the next step, positions and walls to its end."""
     _suspend(system.held, system.spin, system)
     _arrive(system, _kick(system, system.spin, terms, step, 1), step, step)
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def _arrive(system, fastest, step, weight):
     held = _restore(system.held, system.spin, system, weight, step)
     walls = move_walls(system.walls, step, weight)
@@ -367,7 +369,7 @@ def _arrive(system, fastest, step, weight):
     system.clock[TIME] += step
 
 
-@njit(**OUTER)
+@njit(**MERGED_STEPS)
 def kick(system, terms, step):
     """After the last `evaluate`: accelerations, velocities to the end of the step. With step = 0: accelerations only."""
     _suspend(system.held, system.spin, system)
@@ -396,7 +398,7 @@ def _load(force, torque, lightness, gravity, external):
                     torque[i, c] += external[i, 3 + c]
 
 
-@njit(**OUTER)
+@njit(**MERGED_STEPS)
 def evaluate(system, terms, step):
     """Forces (loads, pair contacts, walls) at the present positions; histories advance by the step just moved.
 
@@ -412,13 +414,13 @@ def evaluate(system, terms, step):
     sums[CELL] += 0.5 * step * (cell_power + sums[CELL_POWER])
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def moved(system, distance):
     """Tell the list that some rows may have moved by `distance` (m) more than the loops know."""
     system.clock[TRAVEL] += distance
 
 
-@njit(**OUTER)
+@njit(**MERGED_STEPS)
 def stale(system):
     """Whether the list must be rebuilt before the next `evaluate`: something moved by more than half the skin.
 
@@ -431,7 +433,7 @@ def stale(system):
     return not clock[TRAVEL] <= clock[TRAVEL_LIMIT]
 
 
-@njit(**OUTER)
+@njit(**STEPS)
 def runaway(system, step):
     """Row of a particle that moves by more than the smallest radius in a step, or is not finite; -1 if there is none."""
     return _runaway(system.position, system.velocity, system.spin, system.clock[SMALLEST_RADIUS] ** 2, step)
@@ -451,7 +453,7 @@ def _runaway(position, velocity, spin, limit, step):
     return -1
 
 
-@njit(**OUTER)
+@njit(**STEPS)
 def advance(system, terms, steps, step, resume):
     """Make `steps` steps of size `step` (s).
 

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
 
-from particles.cell import image_in_plane, image_in_space, image_numbers
+from particles.cell import image_in_space, image_numbers
 from particles.columns import WIDTH
-from particles.system import INNER, OUTER, RADIUS
+from particles.system import INNER, KERNEL, OUTER, RADIUS, STEPS
 
 ROOM = WIDTH + 8  # at least WIDTH pairs of unused room behind a list, for loops that work on whole batches
+
+
+class Grid(NamedTuple):
+    """Cells over all particles, numbered along x, then y, then z: a place lies in cell (place - low) scale along each axis."""
+
+    order: Any  # (n,) int32: rows by cell, in their order within a cell
+    start: Any  # (cells + 1,) int32: where each cell begins in `order`
+    number: Any  # (3,) int64: cells along each axis, one along an axis that is not there
+    low: Any  # (3,) m; zero along an axis that repeats
+    scale: Any  # (3,) cells per metre, along an axis that repeats cells per period
 
 
 @njit(**INNER)
@@ -22,19 +34,14 @@ def _in_units_of(box, x, y, z):
 
 
 @njit(**INNER)
-def _coordinates(places, axes, box):
-    """Where each particle lies along the axes (n, 3), m; in a periodic cell from 0 to 1 along the axes that repeat."""
-    found = np.zeros((places.shape[0], 3))
-    for i in range(places.shape[0]):
-        if box is None:
-            for k in range(axes):
-                found[i, k] = places[i, k]
-        else:
-            parts = _in_units_of(box, places[i, 0], places[i, 1], places[i, 2] if axes == 3 else 0.0)
-            for k in range(axes):
-                whole = np.floor(parts[k]) if box.repeats[k] > 0.0 else 0.0
-                found[i, k] = parts[k] - whole
-    return found
+def _coordinates(places, i, axes, box):
+    """Where a row lies along the axes, m; from 0 to 1 along the axes of a periodic cell that repeat."""
+    x, y, z = places[i, 0], places[i, 1], places[i, 2] if axes == 3 else 0.0
+    if box is None:
+        return x, y, z
+    x, y, z = _in_units_of(box, x, y, z)
+    repeats = box.repeats
+    return x - repeats[0] * np.floor(x), y - repeats[1] * np.floor(y), z - repeats[2] * np.floor(z)
 
 
 @njit(**INNER)
@@ -44,7 +51,7 @@ def _wraps(box, k):
     return box.repeats[k] > 0.0
 
 
-@njit(**OUTER)
+@njit(**STEPS)
 def cell_width(box, k):
     """Distance between the two sides of a periodic cell along axis k, m."""
     m = box.matrix
@@ -59,30 +66,30 @@ def _reach_of(box, k):
     return cell_width(box, k)
 
 
+@njit(**INNER)
+def _place_of(coordinate, low, scale, number):
+    return min(int((coordinate - low) * scale), number - 1)
+
+
 @njit(**OUTER)
-def cell_grid(places, width, axes, box):
-    """Cells of at least `width` (m) over all particles, row-major, at most about four times as many as particles.
+def grid_of(places, width, axes, box):
+    """Grid of cells of at least `width` (m) over all particles, of at most about four times as many cells as particles.
 
     Args:
-        places: (n, >= axes) positions, m.
+        places: (n, >= axes) positions, finite, m.
         axes: 2 or 3.
-        box: None or the periodic cell.
-
-    Returns:
-        cell of each row (n,) int32; cells along each axis (3,) int64, one along an axis that is not there.
+        box: None or the periodic cell, at least three widths long where it repeats.
     """
     count = places.shape[0]
-    at = _coordinates(places, axes, box)
     low, long = np.zeros(3), np.zeros(3)
     for k in range(axes):
         if _wraps(box, k):
             long[k] = _reach_of(box, k)
-            continue
-        low[k] = high = at[0, k]
-        for i in range(count):
-            low[k] = min(low[k], at[i, k])
-            high = max(high, at[i, k])
-        long[k] = high - low[k]
+        elif count > 0:
+            least = greatest = places[0, k]
+            for i in range(count):
+                least, greatest = min(least, places[i, k]), max(greatest, places[i, k])
+            low[k], long[k] = least, greatest - least
     while True:
         cells = 1.0
         for k in range(axes):
@@ -90,8 +97,7 @@ def cell_grid(places, width, axes, box):
         if cells <= 4.0 * count + 64.0:
             break
         width *= 1.5
-    number = np.ones(3, dtype=np.int64)
-    scale = np.zeros(3)
+    number, scale = np.ones(3, dtype=np.int64), np.zeros(3)
     for k in range(axes):
         if _wraps(box, k):
             number[k] = max(3, int(long[k] / width))
@@ -101,38 +107,28 @@ def cell_grid(places, width, axes, box):
             scale[k] = 1.0 / width
     cell = np.empty(count, dtype=np.int32)
     for i in range(count):
-        place = 0
-        for k in range(axes - 1, -1, -1):
-            place = place * number[k] + min(int((at[i, k] - low[k]) * scale[k]), number[k] - 1)
-        cell[i] = place
-    return cell, number
+        x, y, z = _coordinates(places, i, axes, box)
+        layer = _place_of(z, low[2], scale[2], number[2])
+        line = layer * number[1] + _place_of(y, low[1], scale[1], number[1])
+        cell[i] = line * number[0] + _place_of(x, low[0], scale[0], number[0])
+    order, start = sort_by_key(cell, number[0] * number[1] * number[2])
+    return Grid(order, start, number, low, scale)
 
 
 @njit(**OUTER)
-def sort_by_cell(cell, cells):
-    """Rows in order of their cells (stable), and where each cell begins."""
-    start = np.zeros(cells + 1, dtype=np.int32)
-    for i in range(cell.size):
-        start[cell[i] + 1] += 1
-    for k in range(cells):
+def sort_by_key(key, keys):
+    """Rows in the order of their keys (n,), whole numbers below `keys`; stable; and where each key begins (keys + 1,)."""
+    start = np.zeros(keys + 1, dtype=np.int32)
+    for i in range(key.size):
+        start[key[i] + 1] += 1
+    for k in range(keys):
         start[k + 1] += start[k]
     place = start[:-1].copy()
-    order = np.empty(cell.size, dtype=np.int32)
-    for i in range(cell.size):
-        order[place[cell[i]]] = i
-        place[cell[i]] += 1
+    order = np.empty(key.size, dtype=np.int32)
+    for i in range(key.size):
+        order[place[key[i]]] = i
+        place[key[i]] += 1
     return order, start
-
-
-@njit(**INNER)
-def _square(places, i, j, axes, image):
-    """Square of the distance of two particles (of the nearest image), m2."""
-    x, y = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1]
-    if axes == 2:
-        x, y, _, _ = image_in_plane(image, x, y)
-        return x * x + y * y
-    (x, y, z), _ = image_in_space(image, (x, y, places[j, 2] - places[i, 2]))
-    return x * x + y * y + z * z
 
 
 @njit(**INNER)
@@ -144,71 +140,129 @@ def _next_cell(place, step, number, wraps):
     return other if 0 <= other < number else -1
 
 
+@njit(**INNER)
+def _forward(grid, box, column, line, layer, runs):
+    """Where in the order the cells after this one lie that touch it, as `runs` (some, 2) from, to; their number.
+
+    Each pair of touching cells is met from one of them only. Along x neighbouring cells follow each other. The cell to the
+    right is among the runs only at the end of an axis that repeats: elsewhere it follows the cell itself.
+    """
+    start, wide, found = grid.start, grid.number[0], 0
+    if column == wide - 1 and _wraps(box, 0):
+        first = (layer * grid.number[1] + line) * wide
+        runs[0, 0], runs[0, 1], found = start[first], start[first + 1], 1
+    for up in range(2):
+        above = _next_cell(layer, up, grid.number[2], _wraps(box, 2)) if up else layer
+        for along in range(-1 if up else 1, 2):
+            beside = _next_cell(line, along, grid.number[1], _wraps(box, 1))
+            if above < 0 or beside < 0:
+                continue
+            first = (above * grid.number[1] + beside) * wide
+            left, right = first + max(column - 1, 0), first + min(column + 1, wide - 1)
+            runs[found, 0], runs[found, 1] = start[left], start[right + 1]
+            found += 1
+            if _wraps(box, 0) and (column == 0 or column == wide - 1):
+                other = first + (wide - 1 if column == 0 else 0)
+                runs[found, 0], runs[found, 1] = start[other], start[other + 1]
+                found += 1
+    return found
+
+
+@njit(**KERNEL)
+def _near(at, still, a, b, reach, image):
+    """1 where two rows are closer than the sum of their reaches and not both still, otherwise 0."""
+    (x, y, z), _ = image_in_space(image, (at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[b, 2] - at[a, 2]))
+    limit = reach + at[b, 3]
+    return int(x * x + y * y + z * z < limit * limit) & (1 - (still[a] & still[b]))
+
+
+@njit(**KERNEL)
+def _add_near(at, still, a, low, high, reach, image, partner, found):
+    """Write those of the rows low, low + 1, ... behind the partners found so far that are near to row a."""
+    for b in range(low, high):
+        partner[found] = b
+        found += _near(at, still, a, b, reach, image)
+    return found
+
+
 @njit(**OUTER)
-def list_pairs(places, radii, ghost, width, skin, axes, capacity, box):
+def _partners(grid, at, still, skin, capacity, box):
+    """For each place in the order: where its partners, later places, begin (n + 1,); the partners (some,)."""
+    count = at.shape[0]
+    begin = np.zeros(count + 1, dtype=np.int32)
+    partner = np.empty(capacity, dtype=np.int32)
+    runs = np.empty((14, 2), dtype=np.int64)
+    image, found, cell = image_numbers(box), 0, 0
+    wide = grid.number[0]
+    for layer in range(grid.number[2]):
+        for line in range(grid.number[1]):
+            for column in range(wide):
+                first, last = grid.start[cell], grid.start[cell + 1]
+                cell += 1
+                if first == last:
+                    continue
+                own = grid.start[cell + 1] if column < wide - 1 else last
+                forward = _forward(grid, box, column, line, layer, runs)
+                most = own - first
+                for r in range(forward):
+                    most += runs[r, 1] - runs[r, 0]
+                for a in range(first, last):
+                    if found + most > partner.size:
+                        grown = np.empty(2 * partner.size + most, dtype=np.int32)
+                        grown[:found] = partner[:found]
+                        partner = grown
+                    reach = at[a, 3] + skin
+                    found = _add_near(at, still, a, a + 1, own, reach, image, partner, found)
+                    for r in range(forward):
+                        found = _add_near(at, still, a, runs[r, 0], runs[r, 1], reach, image, partner, found)
+                    begin[a + 1] = found
+    return begin, partner
+
+
+@njit(**OUTER)
+def list_pairs(grid, places, radii, ghost, skin, axes, capacity, box):
     """Half list of pairs closer than r_i + r_j + skin, without pairs of two ghosts.
 
     Args:
+        grid: of the places, with cells of at least 2 r_max + skin (m).
         places: (n, >= axes) rows, m.
         radii: (n,), m.
         ghost: (n,) bool.
-        width: cell width, at least 2 r_max + skin (m).
         axes: 2 or 3.
-        capacity: room for pairs; grown on demand.
-        box: None or the periodic cell, at least three widths long.
+        capacity: pairs that there may be; room grows on demand.
+        box: None or the periodic cell.
 
     Returns:
         start (n + 1,) int32; first and second (pairs and some room,) int32, partners second > first.
     """
-    count = places.shape[0]
+    count, order = places.shape[0], grid.order
+    at, still = np.zeros((count, 4)), np.empty(count, dtype=np.int8)
+    for a in range(count):
+        i = order[a]
+        for k in range(axes):
+            at[a, k] = places[i, k]
+        at[a, 3] = radii[i]
+        still[a] = ghost[i]
+    begin, partner = _partners(grid, at, still, skin, capacity, box)
+    found = begin[count]
     start = np.zeros(count + 1, dtype=np.int32)
-    partner = np.empty(capacity, dtype=np.int32)
-    found = 0
-    image = image_numbers(box)
-    if count > 0:
-        cell, number = cell_grid(places, width, axes, box)
-        order, cell_start = sort_by_cell(cell, number[0] * number[1] * number[2])
-        # along x neighbouring cells follow each other: one run of three, or cell by cell where the axis repeats
-        runs = 3 if _wraps(box, 0) else 1
-        for i in range(count):
-            reach = radii[i] + skin
-            column = cell[i] % number[0]
-            line = (cell[i] // number[0]) % number[1]
-            layer = cell[i] // (number[0] * number[1])
-            for up in range(-1, 2):
-                above = _next_cell(layer, up, number[2], _wraps(box, 2))
-                for along in range(-1, 2):
-                    beside = _next_cell(line, along, number[1], _wraps(box, 1))
-                    if above < 0 or beside < 0:
-                        continue
-                    row = (above * number[1] + beside) * number[0]
-                    for run in range(runs):
-                        left, right = max(column - 1, 0), min(column + 1, number[0] - 1)
-                        if runs == 3:
-                            left = right = (column + run - 1) % number[0]
-                        for place in range(cell_start[row + left], cell_start[row + right + 1]):
-                            j = order[place]
-                            if j <= i:
-                                continue
-                            limit = reach + radii[j]
-                            if _square(places, i, j, axes, image) < limit * limit and not (ghost[i] and ghost[j]):
-                                if found == partner.size:
-                                    grown = np.empty(2 * found + 16, dtype=np.int32)
-                                    grown[:found] = partner
-                                    partner = grown
-                                partner[found] = j
-                                found += 1
-            start[i + 1] = found
-    room = (found + ROOM) // 8 * 8
-    first = np.zeros(room, dtype=np.int32)
-    second = np.zeros(room, dtype=np.int32)
-    second[:found] = partner[:found]
+    for a in range(count):
+        for k in range(begin[a], begin[a + 1]):
+            start[min(order[a], order[partner[k]]) + 1] += 1
     for i in range(count):
-        first[start[i] : start[i + 1]] = i
+        start[i + 1] += start[i]
+    room = (found + ROOM) // 8 * 8
+    first, second = np.zeros(room, dtype=np.int32), np.zeros(room, dtype=np.int32)
+    place = start[:-1].copy()
+    for a in range(count):
+        for k in range(begin[a], begin[a + 1]):
+            i, j = min(order[a], order[partner[k]]), max(order[a], order[partner[k]])
+            first[place[i]], second[place[i]] = i, j
+            place[i] += 1
     return start, first, second
 
 
-@njit(**OUTER)
+@njit(**STEPS)
 def carry_history(start, second, history, old_start, old_second, old_history, old_row_of, signs):
     """Copy contact histories (columns, pairs) from the old list.
 
@@ -229,7 +283,19 @@ def carry_history(start, second, history, old_start, old_second, old_history, ol
                     break
 
 
-@njit(**OUTER)
+@njit(**STEPS)
+def first_bad(position, velocity):
+    """First row whose position or velocity is not finite, -1 if there is none."""
+    for i in range(position.shape[0]):
+        total = 0.0
+        for k in range(position.shape[1]):
+            total += 0.0 * (position[i, k] + velocity[i, k])
+        if total != 0.0:
+            return i
+    return -1
+
+
+@njit(**STEPS)
 def largest_distance(places, before):
     """Largest distance (m) of the rows' present positions from `before` (n, axes)."""
     largest = 0.0
@@ -249,7 +315,7 @@ def travelled(position, listed, box):
     return _travelled_in(position, listed, box)
 
 
-@njit(**INNER)
+@njit(**OUTER)
 def _travelled_in(position, listed, box):
     """Positions against those of the list carried along by the cell; and what the deformation does to a pair in contact."""
     now, before = box.matrix, box.listed

@@ -149,8 +149,9 @@ def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray,
         if soil._laws.has_bonds:  # listed within the skin, stretched since by as much at most
             skin = max(skin, 2.0 * soil.skin)
         width = 2.0 * soil._radii.max() + skin
+        grid = neighbours.grid_of(system.position, width, axes, system.cell)
         start, first, second = neighbours.list_pairs(
-            system.position, system.position[:, RADIUS].copy(), soil._ghost[soil._ids], width, skin, axes, 4 * soil.count + 16,
+            grid, system.position, system.position[:, RADIUS].copy(), soil._ghost[soil._ids], skin, axes, 4 * soil.count,
             system.cell,
         )
         history = np.zeros((len(soil._laws.columns), first.size))

@@ -18,10 +18,15 @@ llvm.set_option("", "-slp-threshold=1000000")
 # LLVM may contract, use reciprocals and assume finite numbers; checks for blow-up live in functions without it.
 FAST = {"contract", "arcp", "nsz", "nnan", "ninf"}
 STEADY = {"contract", "arcp", "nsz"}  # the same where numbers may be infinite
-OUTER = {"cache": True, "no_cfunc_wrapper": True}  # called from Python
-INNER = {**OUTER, "no_cpython_wrapper": True}  # called from compiled code only: half as long to compile
+OUTER = {"cache": True, "no_cfunc_wrapper": True, "_nrt": True}  # called from Python
+# Functions that make no arrays need not count references to those they are given: each array of a system that is handed on
+# costs 5 ns otherwise, more than all else in a step of a few particles.
+STEPS = {**OUTER, "_nrt": False}
+INNER = {**STEPS, "no_cpython_wrapper": True}  # called from compiled code only: half as long to compile
 KERNEL = {**INNER, "fastmath": FAST, "error_model": "numpy"}
 INLINE = {**KERNEL, "forceinline": True}  # so that the loop over pairs can be turned into vector instructions
+MERGED = {**INNER, "forceinline": True}  # parts of a step that take the whole system, which is some 350 numbers
+MERGED_STEPS = {**STEPS, "forceinline": True}
 
 RADIUS = 3  # column of `System.position`
 

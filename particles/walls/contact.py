@@ -13,7 +13,7 @@ from numba import njit
 
 from particles.kinematics import tangent_ratio
 from particles.laws.touch import FLAT, Touch, respond, wall_law
-from particles.system import INLINE, INNER, KERNEL, OUTER, RADIUS, SPENT
+from particles.system import INLINE, KERNEL, MERGED, OUTER, RADIUS, SPENT
 from particles.vectors import cross, dot, load, minus, moved, plus, present, scaled, store
 from particles.walls.motion import balance, book, rotated, row_vector, to_reference, turned_by
 from particles.walls.rows import (
@@ -287,7 +287,7 @@ def _material_of(material, i):
     return 0 if material is None else material[i]
 
 
-@njit(**INNER)
+@njit(**MERGED)
 def wall_forces(system, terms, step):
     """Add the wall contacts to the forces, set the reactions on walls, accelerations of bodies, and book works.
 
@@ -297,7 +297,7 @@ def wall_forces(system, terms, step):
     _wall_forces(system.walls, system, terms, step)
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def _wall_forces(walls, system, terms, step):
     if walls is None:
         return
@@ -306,8 +306,11 @@ def _wall_forces(walls, system, terms, step):
     stride = history.shape[1]
     values = history.reshape(history.size)
     book(body, wall, sums)
-    wall[:, ACTION : ACTION + 6] = 0.0
-    body[:, TOUCHING] = 0.0
+    for k in range(wall.shape[0]):
+        for c in range(6):
+            wall[k, ACTION + c] = 0.0
+    for b in range(body.shape[0]):
+        body[b, TOUCHING] = 0.0
     for group in range(walls.start.size - 1):
         first = int(walls.start[group])
         count = int(walls.start[group + 1]) - first

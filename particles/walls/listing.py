@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
-from particles.neighbours import sort_by_cell
-from particles.system import OUTER, RADIUS, Walls
+from particles.neighbours import Grid, sort_by_key
+from particles.system import INNER, OUTER, RADIUS, STEPS, Walls
+from particles.vectors import dot, minus, plus
 from particles.walls.contact import closest, place_of
+from particles.walls.motion import rotated, row_vector, to_reference
 from particles.walls.rows import (
     BODY,
     CENTRE,
@@ -76,100 +80,82 @@ def moving_arrays(walls: Walls) -> list[np.ndarray]:
     return [walls.body, walls.wall, walls.drive_step]
 
 
-def _present(walls: Walls) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices and normals where they are now, and the body of each facet."""
-    owner = walls.wall[walls.corners[:, 3], OWNER].astype(np.int64)
-    frame = walls.body[:, FRAME : FRAME + 9].reshape(-1, 3, 3)
-    centre = walls.body[:, CENTRE : CENTRE + 3]
-    now = centre + walls.body[:, PLACE : PLACE + 3]
-    facet, corner = np.nonzero(walls.corners[:, :3] >= 0)
-    of_vertex = np.zeros(len(walls.vertices), dtype=np.int64)
-    of_vertex[walls.corners[facet, corner]] = owner[facet]
-    vertices = np.einsum("vij,vj->vi", frame[of_vertex], walls.vertices - centre[of_vertex]) + now[of_vertex]
-    return vertices, np.einsum("fij,fj->fi", frame[owner], walls.normals), owner
-
-
-def listed(walls: Walls, position: np.ndarray, axes: int, skin: float, old_row_of: np.ndarray) -> Walls:
+def listed(
+    walls: Walls, position: np.ndarray, axes: int, skin: float, old_row_of: np.ndarray, grid: Grid
+) -> Walls:
     """The same walls with a list for the present positions, histories carried along.
 
     Args:
         position: (n, 4) new rows.
         skin: reach beyond contact, m.
         old_row_of: (n,) old row of each new one.
+        grid: of the positions.
     """
-    vertices, normals, owner = _present(walls)
-    corners = walls.corners[:, :3]
-    full = np.where(corners >= 0, corners, corners[:, :1])
-    lower, upper = vertices[full].min(axis=1), vertices[full].max(axis=1)
-    planes = corners[:, 1] < 0
-    lower[planes], upper[planes] = -FAR, FAR
-    row, facet = _near(walls, position, axes, skin, vertices, normals, lower, upper)
-    group = row.astype(np.int64) * len(walls.wall) + walls.corners[facet, 3]
-    start = np.append(np.flatnonzero(np.diff(group, prepend=-1)), row.size).astype(np.int32)
-    history = np.zeros((walls.history.shape[0], row.size))
-    _carry(walls, row, facet, history, old_row_of)
-    _set_reach(walls, position, axes, vertices, owner, planes)
-    near = np.zeros((max(1, int(np.diff(start).max(initial=0))), NEAR))
+    space = None if axes == 2 else 1
+    row, facet = near_facets(walls, position, space, grid, skin, walls.row.size + 64)
+    by_row, _ = sort_by_key(row, len(position))
+    row, facet = row[by_row], facet[by_row]
+    start, history, largest = carried(walls, row, facet, old_row_of)
+    set_reach(walls, position, space)
+    near = np.zeros((max(1, largest), NEAR))
     return walls._replace(start=start, row=row, facet=facet, history=history, near=near)
 
 
-def _near(walls, position, axes, skin, vertices, normals, lower, upper) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and facets closer than radius + skin, by row, then facet."""
-    count = len(position)
-    none = np.zeros(0, dtype=np.int32)
-    if count == 0:
-        return none, none
-    places = np.zeros((count, 3))
-    places[:, :axes] = position[:, :axes]
-    low, reach = places.min(axis=0), position[:, RADIUS].max() + skin
-    width = 2.0 * reach
-    extent = np.ptp(places, axis=0)
-    while np.prod(1.0 + extent / width) > 4.0 * count + 64.0:
-        width *= 1.5
-    number = (extent / width).astype(np.int64) + 1
-    cell = ((places - low) / width).astype(np.int64) @ [1, number[0], number[0] * number[1]]
-    order, start = sort_by_cell(cell.astype(np.int32), int(number.prod()))
-    inside = [np.clip((bound + way * reach - low) / width, 0, number - 1) for bound, way in ((lower, -1.0), (upper, 1.0))]
-    row, facet = near_facets(
-        position, None if axes == 2 else 1, order, start, number, inside[0].astype(np.int64), inside[1].astype(np.int64),
-        lower, upper, vertices, walls.corners, normals, skin, 4 * count + 64,
-    )  # fmt: skip
-    by_row, _ = sort_by_cell(row, count)
-    return row[by_row], facet[by_row]
+@njit(**INNER)
+def _box(walls, facet, reach, grid, first, last, lower, upper):
+    """Box of a facet where it is now, wider by `reach` (m), and the first and last cell that it reaches along each axis."""
+    plane = walls.corners[facet, 1] < 0
+    b = int(walls.wall[walls.corners[facet, 3], OWNER])
+    for k in range(3):
+        lower[k], upper[k] = (-FAR, FAR) if plane else (FAR, -FAR)
+    for k in range(3):
+        vertex = int(walls.corners[facet, k])
+        if plane or vertex < 0:
+            continue
+        place = row_vector(walls.body, b, PLACE)
+        centre = row_vector(walls.body, b, CENTRE)
+        point = rotated(walls.body, b, minus(row_vector(walls.vertices, vertex, 0), centre))
+        for c in range(3):
+            lower[c] = min(lower[c], point[c] + centre[c] + place[c] - reach)
+            upper[c] = max(upper[c], point[c] + centre[c] + place[c] + reach)
+    for c in range(3):
+        end = grid.number[c] - 1
+        first[c] = int(min(max((lower[c] - grid.low[c]) * grid.scale[c], 0.0), end))
+        last[c] = int(min(max((upper[c] - grid.low[c]) * grid.scale[c], 0.0), end))
 
 
 @njit(**OUTER)
-def near_facets(
-    position, space, order, start, number, first, last, lower, upper, vertices, corners, normals, skin, capacity
-):
-    """Pairs of a row and a facet closer than radius + skin, by facet.
+def near_facets(walls, position, space, grid, skin, capacity):
+    """Rows and facets (pairs,) closer than radius + skin, by facet.
 
     Args:
         space: None in the plane.
-        order, start: rows by cell, and where each cell begins; `number` cells along each axis.
-        first, last: (f, 3) cells that the box of each facet reaches.
-        lower, upper: (f, 3) box of each facet, m.
-        vertices, normals: where they are now.
         capacity: room for pairs; grown on demand.
     """
     pairs = np.empty((2, capacity), dtype=np.int32)
-    found = 0
-    for facet in range(corners.shape[0]):
-        for layer in range(first[facet, 2], last[facet, 2] + 1):
-            for line in range(first[facet, 1], last[facet, 1] + 1):
-                at = (layer * number[1] + line) * number[0]
-                for place in range(start[at + first[facet, 0]], start[at + last[facet, 0] + 1]):
-                    i = int(order[place])
+    found, widest = 0, 0.0
+    for i in range(position.shape[0]):
+        widest = max(widest, position[i, RADIUS])
+    first, last = np.zeros(3, dtype=np.int64), np.zeros(3, dtype=np.int64)
+    lower, upper = np.zeros(3), np.zeros(3)
+    for facet in range(walls.corners.shape[0] if position.shape[0] else 0):
+        _box(walls, facet, widest + skin, grid, first, last, lower, upper)
+        owner = int(walls.wall[walls.corners[facet, 3], OWNER])
+        for layer in range(first[2], last[2] + 1):
+            for line in range(first[1], last[1] + 1):
+                row = (layer * grid.number[1] + line) * grid.number[0]
+                for place in range(grid.start[row + first[0]], grid.start[row + last[0] + 1]):
+                    i = int(grid.order[place])
                     reach = position[i, RADIUS] + skin
                     x = place_of(position, space, i)
-                    apart = False
-                    for c in range(3):
-                        apart |= x[c] < lower[facet, c] - reach or x[c] > upper[facet, c] + reach
-                    if apart:
+                    if x[0] < lower[0] or x[1] < lower[1] or x[2] < lower[2]:
                         continue
-                    point, _, _ = closest(vertices, corners, normals, facet, x)
-                    square = (point[0] - x[0]) ** 2 + (point[1] - x[1]) ** 2 + (point[2] - x[2]) ** 2
-                    if square < reach * reach:
+                    if x[0] > upper[0] or x[1] > upper[1] or x[2] > upper[2]:
+                        continue
+                    before = to_reference(walls.body, owner, x)
+                    point, _, _ = closest(walls.vertices, walls.corners, walls.normals, facet, before)
+                    gap = minus(point, before)
+                    if dot(gap, gap) < reach * reach:
                         if found == pairs.shape[1]:
                             grown = np.empty((2, 2 * found), dtype=np.int32)
                             grown[:, :found] = pairs
@@ -179,28 +165,55 @@ def near_facets(
     return pairs[0, :found].copy(), pairs[1, :found].copy()
 
 
-def _carry(walls: Walls, row: np.ndarray, facet: np.ndarray, history: np.ndarray, old_row_of: np.ndarray) -> None:
-    """Copy histories of pairs that were listed before."""
-    if walls.row.size == 0 or row.size == 0:
-        return
-    new_row_of = np.empty_like(old_row_of)
-    new_row_of[old_row_of] = np.arange(old_row_of.size, dtype=old_row_of.dtype)
-    facets = len(walls.corners)
-    old = new_row_of[walls.row].astype(np.int64) * facets + walls.facet
-    new = row.astype(np.int64) * facets + facet
-    by_key = np.argsort(old)
-    place = np.minimum(np.searchsorted(old, new, sorter=by_key), old.size - 1)
-    same = old[by_key[place]] == new
-    history[:, same] = walls.history[:, by_key[place[same]]]
+@njit(**OUTER)
+def carried(walls, row, facet, old_row_of):
+    """Where each group of one particle and one wall begins (groups + 1,); histories of pairs listed before; largest group."""
+    start = np.empty(row.size + 1, dtype=np.int32)
+    history = np.zeros((walls.history.shape[0], row.size))
+    groups, largest = 0, 0
+    for k in range(row.size):
+        if k == 0 or row[k] != row[k - 1] or walls.corners[facet[k], 3] != walls.corners[facet[k - 1], 3]:
+            start[groups] = k
+            groups += 1
+        largest = max(largest, k + 1 - start[groups - 1])
+        old = old_row_of[row[k]]
+        low, high = 0, walls.row.size  # the old list goes by row
+        while low < high:
+            middle = (low + high) // 2
+            if walls.row[middle] < old:
+                low = middle + 1
+            else:
+                high = middle
+        while low < walls.row.size and walls.row[low] == old:
+            if walls.facet[low] == facet[k]:
+                for line in range(history.shape[0]):
+                    history[line, k] = walls.history[line, low]
+            low += 1
+    start[groups] = row.size
+    return start[: groups + 1].copy(), history, largest
 
 
-def _set_reach(walls, position, axes, vertices, owner, planes) -> None:
+@njit(**STEPS)
+def set_reach(walls, position, space):
     """Remember where the bodies are, and how far their walls reach (planes: as far as there are particles)."""
-    for b, body in enumerate(walls.body):
-        body[LISTED : LISTED + 3], body[LISTED + 3 : LISTED + 12] = body[PLACE : PLACE + 3], body[FRAME : FRAME + 9]
-        centre = body[CENTRE : CENTRE + 3] + body[PLACE : PLACE + 3]
-        own = walls.corners[owner == b, :3]
-        reach = np.linalg.norm(vertices[np.unique(own[own >= 0])] - centre, axis=1).max()
-        if planes[owner == b].any() and len(position):
-            reach = max(reach, np.linalg.norm(position[:, :axes] - centre[:axes], axis=1).max())
-        body[EXTENT] = reach
+    body = walls.body
+    for b in range(body.shape[0]):
+        for c in range(3):
+            body[b, LISTED + c] = body[b, PLACE + c]
+        for c in range(9):
+            body[b, LISTED + 3 + c] = body[b, FRAME + c]
+        body[b, EXTENT] = 0.0
+    for facet in range(walls.corners.shape[0]):
+        b = int(walls.wall[walls.corners[facet, 3], OWNER])
+        centre = row_vector(body, b, CENTRE)
+        square = 0.0
+        for k in range(3):
+            vertex = int(walls.corners[facet, k])
+            if vertex >= 0:
+                arm = minus(row_vector(walls.vertices, vertex, 0), centre)
+                square = max(square, dot(arm, arm))
+        if walls.corners[facet, 1] < 0:
+            for i in range(position.shape[0]):
+                arm = minus(place_of(position, space, i), plus(centre, row_vector(body, b, PLACE)))
+                square = max(square, dot(arm, arm))
+        body[b, EXTENT] = max(body[b, EXTENT], math.sqrt(square))

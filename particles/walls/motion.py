@@ -258,7 +258,8 @@ def balance(body, wall, gravity, step):
     for b in range(body.shape[0]):
         damping = body[b, DAMPING]
         damper = 1.0 / (1.0 + 0.5 * damping * step)
-        body[b, AGENT : AGENT + 6] = 0.0
+        for c in range(6):
+            body[b, AGENT + c] = 0.0
         for k in range(wall.shape[0]):
             if int(wall[k, OWNER]) == b:
                 for c in range(6):
