@@ -493,8 +493,9 @@ class Assembly:
             network.evaluate(self._system, terms, 0.0)
             network.kick(self._system, terms, 0.0)
             self._primed = (terms[4:],)
-        if self._system.walls is not None:
-            self._system = self._system._replace(walls=driven(self.plates, self._system.walls, self.time, step, steps))
+        walls = self._system.walls
+        if walls is not None and (driving := driven(self.plates, walls, self.time, step, steps)) is not walls:
+            self._system = self._system._replace(walls=driving)
         return self._system, terms
 
     def advance(self, steps: int, step: float, **loads: Any) -> None:

@@ -6,17 +6,23 @@ import contextlib
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from numba import typeof
 from numba.core.dispatcher import Dispatcher
 
 from particles.caches import without_cache
 
+_PLAIN = frozenset((np.ndarray, type(None), float, int, bool, np.float64))
+
 
 def _kinds(value: Any) -> Any:
     """Types of a value, down through tuples; a compiled function is a type of its own."""
+    kind = type(value)
+    if kind in _PLAIN:  # nearly all, and quick
+        return kind
     if isinstance(value, tuple):
-        return tuple(map(_kinds, value))
-    return value if isinstance(value, Dispatcher) else type(value)
+        return tuple([_kinds(member) for member in value])
+    return value if isinstance(value, Dispatcher) else kind
 
 
 def _has_function(kinds: Any) -> bool:

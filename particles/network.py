@@ -10,6 +10,7 @@ from numba import njit
 from particles import motion, neighbours
 from particles.cell import PeriodicCell, nearest_image
 from particles.dispatch import Direct
+from particles.kinematics import turning
 from particles.laws.touch import FLAT, Touch, respond, with_numbers
 from particles.system import INLINE, OUTER, RADIUS, System, Terms
 from particles.vectors import load
@@ -117,7 +118,7 @@ def _resting_sphere(law, blank, overlap, rolling, n, distance, radius_i, radius_
     still = (0.0, 0.0, 0.0)
     touch = Touch(
         overlap, 0.0, still, still, still, still, 0.0, 0.0, rolling, rolling, n, distance, (radius_i, radius_j), 1.0,
-        (still, n, n),
+        turning(still, n, n),
     )  # fmt: skip
     return respond(law, touch, load(values, k, stride, blank))
 

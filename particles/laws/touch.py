@@ -74,12 +74,11 @@ def carried(turn, vector):
 
 
 def _turned(turn, vector):
-    """Turn by half the sum of both rotations (Cayley), then by the smallest rotation from the normal so turned to n."""
-    spin, middle, normal = turn
-    half = cross(spin, vector)
-    square = 2.0 / (1.0 + dot(spin, spin))
-    once = moved(moved(vector, square, half), square, cross(spin, half))
-    return moved(once, -dot(normal, once) / (1.0 + dot(middle, normal)), plus(middle, normal))
+    """Turn by half the sum of both rotations (Rodrigues), then by the smallest rotation from the normal so turned to n."""
+    rotation, (sine, cosine), middle, normal, share = turn
+    across = cross(rotation, vector)
+    once = moved(moved(vector, sine, across), cosine, cross(rotation, across))
+    return moved(once, -share * dot(normal, once), plus(middle, normal))
 
 
 @overload(carried)

@@ -11,7 +11,7 @@ import math
 
 from numba import njit
 
-from particles.kinematics import tangent_ratio
+from particles.kinematics import tangent_ratio, turning
 from particles.laws.touch import FLAT, Touch, respond, wall_law
 from particles.system import INLINE, KERNEL, MERGED, OUTER, RADIUS, SPENT
 from particles.vectors import cross, dot, load, minus, moved, plus, present, scaled, store
@@ -229,11 +229,8 @@ def _rates(normal, distance, body, owner, arm, velocity, spin):
 @njit(**INLINE)
 def _carrying(normal, old_normal, turn, body, owner):
     """How tangential vectors turn in the step, as for a pair: half the sum of both rotations, then with the normal."""
-    cayley = row_vector(body, owner, CAYLEY)
-    both = plus(turn, row_vector(body, owner, INCREMENT + 3))
-    half = scaled(0.25 * tangent_ratio(0.0625 * dot(both, both)), both)
-    before = plus(old_normal, turned_by(scaled(-1.0, cayley), old_normal))
-    return half, plus(before, turned_by(half, before)), normal
+    before = plus(old_normal, turned_by(scaled(-1.0, row_vector(body, owner, CAYLEY)), old_normal))
+    return turning(scaled(0.5, plus(turn, row_vector(body, owner, INCREMENT + 3))), before, normal)
 
 
 @njit(**INLINE)

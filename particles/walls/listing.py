@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
+from particles.dispatch import Direct
 from particles.neighbours import Grid, sort_by_key
 from particles.system import INNER, OUTER, RADIUS, STEPS, Walls
 from particles.vectors import dot, minus, plus
@@ -92,11 +93,11 @@ def listed(
         grid: of the positions.
     """
     space = None if axes == 2 else 1
-    row, facet = near_facets(walls, position, space, grid, skin, walls.row.size + 64)
+    row, facet = _near_facets(walls, position, space, grid, skin, walls.row.size + 64)
     by_row, _ = sort_by_key(row, len(position))
     row, facet = row[by_row], facet[by_row]
-    start, history, largest = carried(walls, row, facet, old_row_of)
-    set_reach(walls, position, space)
+    start, history, largest = _carried(walls, row, facet, old_row_of)
+    _set_reach(walls, position, space)
     near = np.zeros((max(1, largest), NEAR))
     return walls._replace(start=start, row=row, facet=facet, history=history, near=near)
 
@@ -217,3 +218,6 @@ def set_reach(walls, position, space):
                 arm = minus(place_of(position, space, i), plus(centre, row_vector(body, b, PLACE)))
                 square = max(square, dot(arm, arm))
         body[b, EXTENT] = max(body[b, EXTENT], math.sqrt(square))
+
+
+_near_facets, _carried, _set_reach = Direct(near_facets), Direct(carried), Direct(set_reach)
