@@ -93,17 +93,6 @@ def still_ghosts(system, ghosts):
 
 
 @njit(**INNER)
-def _predict(predicted, system, ghosts, h):
-    """Velocities of the ghosts at the end of the step, for dashpots."""
-    if predicted is None:
-        return
-    for k in range(ghosts.rows.size):
-        row = ghosts.rows[k]
-        for component in range(3):
-            predicted[row, component] = system.velocity[row, component] + 0.5 * h * system.acceleration[row, component]
-
-
-@njit(**INNER)
 def _drift_massless(system, terms, ghosts, saved, acceleration, h):
     """`drift` of all rows; the ghosts move by their own velocity and `acceleration` and book no energy."""
     _save(system, ghosts, saved)
@@ -118,7 +107,6 @@ def _drift_massless(system, terms, ghosts, saved, acceleration, h):
             system.position[row, component] += h * velocity
             system.acceleration[row, component] = acceleration[k, component]
         fastest = max(fastest, system.velocity[row, 0] ** 2 + system.velocity[row, 1] ** 2)
-    _predict(system.predicted, system, ghosts, h)
     moved(system, h * np.sqrt(fastest))
 
 
@@ -150,7 +138,6 @@ def _place_ghosts(system, ghosts, saved, reaction, acceleration, h, last):
             system.position[row, component] = saved[k, component] + (0.0 if last else h * velocity)
         fastest = max(fastest, system.velocity[row, 0] ** 2 + system.velocity[row, 1] ** 2)
     if not last:
-        _predict(system.predicted, system, ghosts, h)
         moved(system, h * np.sqrt(fastest))
 
 
@@ -238,7 +225,6 @@ def carry_ghosts(system, ghosts, nodes, h):
         system.position[row, 1] += h * vy
         system.position[row, 2] += h * spin
         fastest = max(fastest, vx * vx + vy * vy)
-    _predict(system.predicted, system, ghosts, h)
     moved(system, h * np.sqrt(fastest))
 
 
@@ -373,5 +359,4 @@ def _shift_ghosts(system, ghosts, shift, h):
             system.position[row, component] += shift[k, component]
             system.velocity[row, component] += shift[k, component] / h
         largest = max(largest, abs(shift[k, 0]) + abs(shift[k, 1]))
-    _predict(system.predicted, system, ghosts, h)
     moved(system, largest)

@@ -124,11 +124,10 @@ class Assembly:
         clock = np.zeros(4)
         clock[TRAVEL_LIMIT] = 0.5 * self.skin
         clock[SMALLEST_RADIUS] = self._radii.min() if count else 1.0
-        viscous = self._laws.is_viscous
         none = np.zeros(0, dtype=np.int32)
         return System(
-            position=position, velocity=rows(), predicted=rows(viscous), acceleration=rows(), force=rows(),
-            lightness=lightness, rotation=rows(space), spin=rows(space), predicted_spin=rows(space and viscous),
+            position=position, velocity=rows(), acceleration=rows(), force=rows(),
+            lightness=lightness, rotation=rows(space), spin=rows(space), 
             angular=rows(space), torque=rows(space), nimbleness=nimbleness, start=np.zeros(count + 1, dtype=np.int32),
             first=none, second=none, history=np.zeros((len(self._laws.columns), 0)), scratch=aligned((SCRATCH,)),
             material=self._laws.materials, external=None, walls=None, held=None, breaks=None,
@@ -458,7 +457,7 @@ class Assembly:
         if len(factors) != 2 or not all(0.0 <= factor < 1.0 for factor in factors):
             raise ValueError(f"vector_damping={vector_damping} must be two numbers in [0, 1)")
         return Terms(
-            self._laws.template, self._laws.table, self._laws.blank, self._laws.massive,
+            self._laws.template, self._laws.table, self._laws.blank, self._laws.massive, self._laws.viscous,
             (*map(float, gravity), 0.0)[:3] if gravity.any() else None, float(mass_damping) or None,
             float(local_damping) or None, *(factors if any(factors) else (None, None)),
         )  # fmt: skip
@@ -487,9 +486,6 @@ class Assembly:
             network.hold(self._system.walls)
             if self.cell is not None:
                 self.cell.arrays.rate[:] = self.cell.arrays.gradient @ self.cell.arrays.matrix
-            for now, predicted in (("velocity", "predicted"), ("spin", "predicted_spin")):
-                if getattr(self._system, predicted) is not None:
-                    getattr(self._system, predicted)[:] = getattr(self._system, now)
             network.evaluate(self._system, terms, 0.0)
             network.kick(self._system, terms, 0.0)
             self._primed = (terms[4:],)

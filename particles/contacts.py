@@ -20,9 +20,9 @@ from particles.vectors import cross, dot, load, moved, plus, present, scaled, st
 _PLACE, _RADIUS = 0, 4 * STRIDE
 _MOTION = 5 * STRIDE
 _TURN, _LIGHTNESS = 9 * STRIDE, 10 * STRIDE
-_PREDICTED, _RATE = 11 * STRIDE, 15 * STRIDE
+_CHANGE, _ANGULAR_OWN = 11 * STRIDE, 15 * STRIDE  # accelerations, where there are dashpots
 _SPIN_MORE, _SPIN = 16 * STRIDE, 20 * STRIDE  # in space
-_RATES_MORE, _RATES = 23 * STRIDE, 27 * STRIDE
+_ANGULAR_MORE, _ANGULAR = 23 * STRIDE, 27 * STRIDE
 _FORCE, _TORQUE, _OTHER = 30 * STRIDE, 33 * STRIDE, 36 * STRIDE  # on i; torque on j (in the plane: minus force and torque)
 _IMAGE = 39 * STRIDE  # power of the moving cell
 _SPENT = 40 * STRIDE
@@ -33,20 +33,20 @@ SCRATCH = _NUMBERS + NUMBERS * STRIDE
 
 
 @njit(**KERNEL)
-def _gather_pairs(scratch, position, velocity, predicted, spin, predicted_spin, first, second, at, count):
+def _gather_pairs(scratch, position, velocity, acceleration, spin, angular, viscous, first, second, at, count):
     """Rows of a batch to columns; the last block may reach beyond the pairs, into the room that is left for it."""
     for c in range(0, count, BLOCK):
         gather(scratch, _PLACE + c, position, first, second, at + c, 0b1000)
         if spin is None:
             gather(scratch, _MOTION + c, velocity, first, second, at + c, 0b0100)
-            if predicted is not None:
-                gather(scratch, _PREDICTED + c, predicted, first, second, at + c, 0b0100)
+            if viscous is not None:
+                gather(scratch, _CHANGE + c, acceleration, first, second, at + c, 0b0100)
         else:
             gather(scratch, _MOTION + c, velocity, first, second, at + c, 0)
             gather(scratch, _SPIN_MORE + c, spin, first, second, at + c, 0b0111)
-            if predicted is not None:
-                gather(scratch, _PREDICTED + c, predicted, first, second, at + c, 0)
-                gather(scratch, _RATES_MORE + c, predicted_spin, first, second, at + c, 0b0111)
+            if viscous is not None:
+                gather(scratch, _CHANGE + c, acceleration, first, second, at + c, 0)
+                gather(scratch, _ANGULAR_MORE + c, angular, first, second, at + c, 0b0111)
 
 
 @njit(**KERNEL)
@@ -75,20 +75,22 @@ def _triple(scratch, place):
 
 
 @njit(**INLINE)
-def _rates_in_plane(scratch, q, viscous):
+def _rates_in_plane(scratch, q, viscous, half):
+    """Velocities at the end of the step, `half` of it (s) later than those of the rows: of j against i, spins of both."""
     if viscous is None:
         return 0.0, 0.0, 0.0, 0.0
-    rate = scratch[_RATE + q]
-    return scratch[_PREDICTED + q], scratch[_PREDICTED + STRIDE + q], rate, rate + scratch[_PREDICTED + 2 * STRIDE + q]
+    x, y, more = moved(_triple(scratch, _MOTION + q), half, _triple(scratch, _CHANGE + q))
+    spin = scratch[_TURN + q] + half * scratch[_ANGULAR_OWN + q]
+    return x, y, spin, spin + more
 
 
 @njit(**INLINE)
-def _rates_in_space(scratch, q, viscous):
+def _rates_in_space(scratch, q, viscous, half):
     if viscous is None:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    x, y, z = _triple(scratch, _RATES + q)
-    dx, dy, dz = _triple(scratch, _RATES_MORE + q)
-    return _triple(scratch, _PREDICTED + q), (x, y, z), (x + dx, y + dy, z + dz)
+    spin = moved(_triple(scratch, _SPIN + q), half, _triple(scratch, _ANGULAR + q))
+    more = moved(_triple(scratch, _SPIN_MORE + q), half, _triple(scratch, _ANGULAR_MORE + q))
+    return moved(_triple(scratch, _MOTION + q), half, _triple(scratch, _CHANGE + q)), spin, plus(spin, more)
 
 
 @njit(**INLINE)
@@ -103,7 +105,7 @@ def _in_plane(scratch, q, step, viscous, law, blank, image):
     bx, by, _ = _triple(scratch, _PLACE + q)
     dx, dy, more = _triple(scratch, _MOTION + q)
     bx, by, wx, wy = image_in_plane(image, bx, by)
-    rx, ry, rate_i, rate_j = _rates_in_plane(scratch, q, viscous)
+    rx, ry, rate_i, rate_j = _rates_in_plane(scratch, q, viscous, 0.5 * step)
     radius, turn = scratch[_RADIUS + q], scratch[_TURN + q]
     touch = touch_in_plane(
         bx, by, step * (dx + wx), step * (dy + wy), step * turn, step * (turn + more), (rx + wx, ry + wy, rate_i, rate_j),
@@ -126,7 +128,7 @@ def _in_space(scratch, q, step, viscous, law, blank, image):
     """The same for a pair of spheres."""
     radius = scratch[_RADIUS + q]
     spin = _triple(scratch, _SPIN + q)
-    rate, rate_i, rate_j = _rates_in_space(scratch, q, viscous)
+    rate, rate_i, rate_j = _rates_in_space(scratch, q, viscous, 0.5 * step)
     branch, drift = image_in_space(image, _triple(scratch, _PLACE + q))
     touch = touch_in_space(
         branch, scaled(step, plus(_triple(scratch, _MOTION + q), drift)), scaled(step, spin),
@@ -223,15 +225,15 @@ def pair_forces(system, terms, step):
     for at in range(0, pairs, WIDTH):
         count = min(WIDTH, pairs - at)
         _gather_pairs(
-            scratch, system.position, system.velocity, system.predicted, system.spin, system.predicted_spin, first, second,
-            at, count,
+            scratch, system.position, system.velocity, system.acceleration, system.spin, system.angular, terms.viscous, first,
+            second, at, count,
         )  # fmt: skip
         _gather_masses(scratch, terms.massive, system.lightness, first, second, at, count)
         _gather_numbers(scratch, terms.table, system.material, first, second, at, count)
         for k in range(history.shape[0]):
             load_column(scratch, _HISTORY + k * STRIDE, history, k, at)
         _respond_all(
-            scratch, count, step, present(system.spin), present(system.predicted), terms.law, terms.table, terms.blank,
+            scratch, count, step, present(system.spin), terms.viscous, terms.law, terms.table, terms.blank,
             image,
         )
         _log_breaks(

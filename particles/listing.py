@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from particles.assembly import Assembly
 
 _ROWS = (
-    "position", "velocity", "predicted", "acceleration", "force", "lightness", "rotation", "spin", "predicted_spin",
-    "angular", "torque", "nimbleness",
+    "position", "velocity", "acceleration", "force", "lightness", "rotation", "spin", "angular", "torque", "nimbleness",
 )  # fmt: skip
 
 

@@ -148,14 +148,6 @@ def _add(values, factor, rates):
         values[e] += factor * rates[e]
 
 
-@njit(**SMOOTH)
-def _predict(predicted, velocity, acceleration, half):
-    """Velocity at the end of the step (for dashpots)."""
-    if predicted is not None:
-        for e in range(velocity.size):
-            predicted[e] = velocity[e] + half * acceleration[e]
-
-
 @njit(**KERNEL)
 def _fastest(velocity, plane):
     """Largest speed squared among rows (n, 4); in the plane the third component is a spin."""
@@ -178,7 +170,7 @@ def _part(rows, a, b):
 
 @njit(**INNER)
 def _drift_rows(
-    place, velocity, predicted, acceleration, force, lightness, sums, mass_damping, local_damping, vector, turning, plane, step
+    place, velocity, acceleration, force, lightness, sums, mass_damping, local_damping, vector, turning, plane, step
 ):
     """First half kick and drift of one kind of motion."""
     half = 0.5 * step
@@ -190,12 +182,11 @@ def _drift_rows(
         sums[LOCAL_DAMPING] += half * _vector_loss(velocity, acceleration, force, half, vector, turning, plane)
     _add(velocity, half, acceleration)
     _add(place, step, velocity)
-    _predict(predicted, velocity, acceleration, half)
 
 
 @njit(**INNER)
 def _kick_rows(
-    place, velocity, predicted, acceleration, force, lightness, sums, mass_damping, local_damping, vector, turning, plane,
+    place, velocity, acceleration, force, lightness, sums, mass_damping, local_damping, vector, turning, plane,
     step, move,
 ):
     """New accelerations; velocities to the end of the step, or (move = 1) on to the middle of the next, and drift."""
@@ -213,7 +204,6 @@ def _kick_rows(
     _add(velocity, onward, acceleration)
     if move == 1:
         _add(place, step, velocity)
-        _predict(predicted, velocity, acceleration, half)
 
 
 @njit(**MERGED)
@@ -223,14 +213,14 @@ def _drift(system, spin, terms, step):
     for a in range(0, count, BLOCK):
         b = min(a + BLOCK, count)
         _drift_rows(
-            _part(system.position, a, b), _part(system.velocity, a, b), _part(system.predicted, a, b),
+            _part(system.position, a, b), _part(system.velocity, a, b),
             _part(system.acceleration, a, b), _part(system.force, a, b), _part(system.lightness, a, b),
             system.sums, terms.mass_damping, terms.local_damping, terms.vector_damping, terms.spin_damping,
             in_plane(system.spin), step,
         )  # fmt: skip
         if spin is not None:
             _drift_rows(
-                _part(system.rotation, a, b), _part(system.spin, a, b), _part(system.predicted_spin, a, b),
+                _part(system.rotation, a, b), _part(system.spin, a, b),
                 _part(system.angular, a, b), _part(system.torque, a, b), _part(system.nimbleness, a, b),
                 system.sums, terms.mass_damping, terms.local_damping, terms.spin_damping, terms.spin_damping, None, step,
             )  # fmt: skip
@@ -246,14 +236,14 @@ def _kick(system, spin, terms, step, move):
     for a in range(0, count, BLOCK):
         b = min(a + BLOCK, count)
         _kick_rows(
-            _part(system.position, a, b), _part(system.velocity, a, b), _part(system.predicted, a, b),
+            _part(system.position, a, b), _part(system.velocity, a, b),
             _part(system.acceleration, a, b), _part(system.force, a, b), _part(system.lightness, a, b),
             system.sums, terms.mass_damping, terms.local_damping, terms.vector_damping, terms.spin_damping,
             in_plane(system.spin), step, move,
         )  # fmt: skip
         if spin is not None:
             _kick_rows(
-                _part(system.rotation, a, b), _part(system.spin, a, b), _part(system.predicted_spin, a, b),
+                _part(system.rotation, a, b), _part(system.spin, a, b),
                 _part(system.angular, a, b), _part(system.torque, a, b), _part(system.nimbleness, a, b),
                 system.sums, terms.mass_damping, terms.local_damping, terms.spin_damping, terms.spin_damping, None, step, move,
             )  # fmt: skip
@@ -299,7 +289,7 @@ def _suspend_rows(held, velocity, force, first):
 
 
 @njit(**INNER)
-def _restore_rows(held, place, velocity, predicted, acceleration, force, first, sums, weight, step):
+def _restore_rows(held, place, velocity, acceleration, force, first, sums, weight, step):
     for k in range(held.row.size):
         i = held.row[k]
         for c in range(3):
@@ -309,8 +299,6 @@ def _restore_rows(held, place, velocity, predicted, acceleration, force, first, 
                 velocity[i, c] = held.velocity[k, f]
                 place[i, c] += step * held.velocity[k, f]
                 acceleration[i, c] = 0.0
-                if predicted is not None:
-                    predicted[i, c] = held.velocity[k, f]
                 sums[HELD] -= weight * held.force[k, f] * held.velocity[k, f]
 
 
@@ -329,12 +317,12 @@ def _restore(held, spin, system, weight, step):
     fastest = 0.0
     if held is not None:
         _restore_rows(
-            held, system.position, system.velocity, system.predicted, system.acceleration, system.force, 0, system.sums,
+            held, system.position, system.velocity, system.acceleration, system.force, 0, system.sums,
             weight, step,
         )  # fmt: skip
         if spin is not None:
             _restore_rows(
-                held, system.rotation, system.spin, system.predicted_spin, system.angular, system.torque, 3, system.sums,
+                held, system.rotation, system.spin, system.angular, system.torque, 3, system.sums,
                 weight, step,
             )  # fmt: skip
         for k in range(held.row.size):

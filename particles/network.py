@@ -257,20 +257,18 @@ def trial_forces(
     With `before` the last step is made again with the displacement `moved + increment`: with a zero increment the forces
     are those of the last evaluation, slip and dashpots included.
     """
-    # one step of unit size: the row velocity is the displacement of the step, and the predictor is the velocity given
+    # one step of unit size: the row velocity is the displacement of the step, half the acceleration later it is that given
     moved = increment if before is None else before.moved + increment
     changed: dict[str, Any] = {
         "history": (system.history if before is None else before.history).copy(), "sums": np.zeros_like(system.sums),
     }  # fmt: skip
-    kinds = [("position", "velocity", "predicted", "force")]
-    kinds += [] if system.spin is None else [("rotation", "spin", "predicted_spin", "torque")]
-    for k, (place, motion_of, predicted, force) in enumerate(kinds):
+    kinds = [("position", "velocity", "acceleration", "force")]
+    kinds += [] if system.spin is None else [("rotation", "spin", "angular", "torque")]
+    for k, (place, motion_of, change, force) in enumerate(kinds):
         part = slice(3 * k, 3 * k + 3)
-        for name, values, add in ((place, increment, True), (motion_of, moved, False), (predicted, velocity, False)):
-            rows = getattr(system, name)
-            if rows is not None:
-                changed[name] = rows.copy()
-                changed[name][:, :3] = values[:, part] + (rows[:, :3] if add else 0.0)
+        for name, values in ((place, increment), (motion_of, moved), (change, 2.0 * (velocity - moved))):
+            changed[name] = getattr(system, name).copy()
+            changed[name][:, :3] = values[:, part] + (changed[name][:, :3] if name == place else 0.0)
         changed[force] = np.zeros_like(getattr(system, force))
     trial = system._replace(**changed)
     if system.walls is not None:

@@ -107,18 +107,16 @@ class System(NamedTuple):
     """All that the kernels read and write; fetch it anew (`Assembly.system`) after `prepare` and `refresh`.
 
     In the plane (x, y, angle) are the first three columns of `position`, and so on; in space translations are there and
-    rotations in the arrays that are None in the plane. "Predicted" is the velocity at the end of the step, for dashpots.
+    rotations in the arrays that are None in the plane.
     """
 
     position: Any  # (n, 4): x, y, angle or z; radius
     velocity: Any  # (n, 4): of the middle of the step while it runs; 0
-    predicted: Any  # None (no dashpots) or (n, 4): velocity + step / 2 acceleration; 0
     acceleration: Any  # (n, 4); 0
     force: Any  # (n, 4): total of the last evaluation; 0
     lightness: Any  # (n, 4): one over mass or inertia of each component; 1
     rotation: Any  # None or (n, 4): sum of the rotation increments; 0
     spin: Any  # None or (n, 4)
-    predicted_spin: Any  # None or (n, 4)
     angular: Any  # None or (n, 4): angular acceleration; 0
     torque: Any  # None or (n, 4)
     nimbleness: Any  # None or (n, 4): one over the inertia; 1
@@ -145,6 +143,7 @@ class Terms(NamedTuple):
     table: Any  # None or (materials, materials, numbers)
     blank: Any  # tuple of zeros, one for each column of history
     massive: Any  # None, or 1 where the law asks for masses
+    viscous: Any  # None, or 1 where the law has dashpots
     gravity: Any  # None or (gx, gy, gz) in m/s2
     mass_damping: Any  # None or c in 1/s
     local_damping: Any  # None or alpha, for each component

@@ -41,7 +41,7 @@ class Laws:
         self.has_bonds = bool(self.columns) and self.columns[0][0] == "bond"
         self.signs = np.array([sign for _, sign in self.columns])
         self.massive = 1 if any(getattr(one, "needs_mass", bool)() for one in self.all) else None
-        self.is_viscous = any(one.is_viscous() for one in self.all)
+        self.viscous = 1 if any(one.is_viscous() for one in self.all) else None
         self.materials: np.ndarray | None = None
         self.kinds = 1
         self.table: np.ndarray | None = None

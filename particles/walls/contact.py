@@ -174,9 +174,7 @@ def _hand_over(history, near, first, count):
 
 @njit(**INLINE)
 def _motion_of(translation, rotation, space, i):
-    """Velocity and spin of row i in three components (zeros without rows; `space`: None in the plane)."""
-    if translation is None:
-        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    """Velocity and spin of row i, or their rates, in three components (`space`: None in the plane)."""
     if space is not None:
         return row_vector(translation, i, 0), row_vector(rotation, i, 0)
     return (translation[i, 0], translation[i, 1], 0.0), (0.0, 0.0, translation[i, 2])
@@ -318,7 +316,8 @@ def _wall_forces(walls, system, terms, step):
         _hand_over(history, near, first, count)
         arm = minus(x, plus(row_vector(body, owner, CENTRE), row_vector(body, owner, PLACE)))
         speed, rotation = _motion_of(system.velocity, system.spin, space, i)
-        velocity, spin = _motion_of(system.predicted, system.predicted_spin, space, i)
+        change, angular = _motion_of(system.acceleration, system.angular, space, i)
+        velocity, spin = moved(speed, 0.5 * step, change), moved(rotation, 0.5 * step, angular)
         lightness = system.lightness[i, 0] + max(
             body[owner, LIGHTNESS], body[owner, LIGHTNESS + 1], body[owner, LIGHTNESS + 2]
         )

@@ -22,8 +22,7 @@ def _jump(soil, places, turn):
     increment = np.column_stack([places - soil.positions, turn * np.ones(soil.count)])
     system.velocity[rows, :3] = increment
     system.position[rows, :2] = places
-    if system.predicted is not None:
-        system.predicted[rows, :3] = increment
+    system.acceleration[:] = 0.0
     evaluate(system, terms, 1.0)
     return soil.forces
 
