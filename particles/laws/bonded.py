@@ -237,7 +237,7 @@ def respond_bonded(law, touch, history):
     slips = square > limit * limit
     slid = scaled(limit / math.sqrt(square) if slips else 1.0, trial)
     soft = 0.5 / law.shear_stiffness if law.shear_stiffness > 0.0 else 0.0
-    sliding_work = soft * dot(plus(old, slid), minus(trial, slid))
+    sliding_work = max(0.0, soft * dot(plus(old, slid), minus(trial, slid)))
 
     kept = trial if holds else slid
     viscous, viscous_power = dashpot_force(law.shear_damping, touch.slide_rate, 1.0 if holds else 0.0)
