@@ -36,8 +36,8 @@ class PeriodicCell:
         matrix[range(self.axes), range(self.axes)] = lengths
         repeats = np.zeros(3)
         repeats[: self.axes] = flags
-        self.arrays = Cell(matrix, matrix.copy(), np.zeros((3, 3)), np.zeros((3, 3)), repeats)
-        self.at_start = Cell(matrix.copy(), matrix.copy(), np.zeros((3, 3)), np.zeros((3, 3)), repeats)
+        self.arrays = Cell(matrix, matrix.copy(), np.zeros((3, 3)), np.zeros((3, 3)), repeats, np.zeros((2, 3)))
+        self.at_start = self.arrays._replace(matrix=matrix.copy())
         self._whole = np.eye(3)  # the present edges in terms of those of the start, carried along: whole numbers
 
     @property
@@ -55,6 +55,18 @@ class PeriodicCell:
         """The edges of the start as the deformation has carried them along (axes, axes), m; they may lean over any far."""
         found = self.arrays.matrix @ np.linalg.inv(self._whole)
         return found[: self.axes, : self.axes]
+
+    def set_gradient(self, gradient: np.ndarray, centre: np.ndarray) -> None:
+        """Deform at a velocity gradient L (axes, axes), 1/s, from now on; the flow changes by the change of L times x.
+
+        The flow's velocity at a place x is L (x - a) + b with an anchor a that starts in the packing's `centre` (axes,), m,
+        and goes on at the flow's velocity b there: a field L x about a fixed origin would accelerate the packing as a whole
+        by L L x, by more the farther it lies from the origin.
+        """
+        place, velocity = self.arrays.anchor[:, : self.axes]
+        velocity += self.velocity_gradient @ (centre - place) + (gradient - self.velocity_gradient) @ centre
+        place[:] = centre
+        self.arrays.gradient[: self.axes, : self.axes] = gradient
 
     def take_off(self, a: int, b: int) -> None:
         """Take as many whole edges a off edge b as bring it nearest to upright: the same lattice."""
@@ -112,6 +124,8 @@ def move_cell(cell, step):
     for a in range(3):
         for b in range(3):
             cell.matrix[a, b] += step * cell.rate[a, b]
+    for c in range(3):
+        cell.anchor[0, c] += step * cell.anchor[1, c]
 
 
 def image_numbers(cell):

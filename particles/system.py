@@ -94,6 +94,7 @@ class Cell(NamedTuple):
     gradient: Any  # (3, 3) velocity gradient, 1/s
     rate: Any  # (3, 3) change of the edges in the last step over its length, m/s
     repeats: Any  # (3,) 1 along periodic axes, otherwise 0
+    anchor: Any  # (2, 3) a place that goes with the flow of the cell, and its constant velocity, m and m/s
 
 
 class Breaks(NamedTuple):
@@ -133,6 +134,7 @@ class System(NamedTuple):
     held: Any  # None or Held
     breaks: Any  # None or Breaks
     cell: Any  # None or Cell
+    flow: Any  # None (no cell) or (n, 4): room for the velocity of the deforming cell at each place; 0
     listed: Any  # (n, 3): positions (in the plane: angles, too) at the last list build
     sums: Any  # (SUMS,): energy sums
     clock: Any  # (4,): time, travel since the list was built, its limit, smallest radius
