@@ -15,6 +15,7 @@ from particles.laws.several import Laws
 from particles.motion import Unstable
 from particles.network import rows_of
 from particles.system import RADIUS, SMALLEST_RADIUS, SUMS, TIME, TRAVEL_LIMIT, Held, System, Terms
+from particles.walls.history import recorded, recording
 from particles.walls.listing import arranged, driven
 from particles.walls.servo import set_contact_constants
 from particles.walls.wall import Wall
@@ -131,7 +132,7 @@ class Assembly:
             lightness=lightness, rotation=rows(space), spin=rows(space), predicted_spin=rows(space and viscous),
             angular=rows(space), torque=rows(space), nimbleness=nimbleness, start=np.zeros(count + 1, dtype=np.int32),
             first=none, second=none, history=np.zeros((len(self._laws.columns), 0)), scratch=aligned((SCRATCH,)),
-            material=self._laws.materials, external=None, walls=None, held=None, breaks=None,
+            material=self._laws.materials, external=None, walls=None, records=None, held=None, breaks=None,
             cell=None if self.cell is None else self.cell.arrays, flow=rows(self.cell is not None),
             listed=position[:, : self.axes].copy(), sums=np.zeros(SUMS), clock=clock,
         )  # fmt: skip
@@ -502,6 +503,8 @@ class Assembly:
     def advance(self, steps: int, step: float, **loads: Any) -> None:
         """Make `steps` steps of size `step` (s) by explicit central difference (Li & Wan 2010, eqs 27-30).
 
+        Walls with `record` write their histories meanwhile.
+
         Args:
             loads: `mass_damping`, `local_damping`, `vector_damping`, `gravity`, as in `terms`.
 
@@ -512,8 +515,15 @@ class Assembly:
             raise ValueError(f"steps={steps} must be a whole number, zero or positive")
         if steps == 0:
             return
-        system, terms = self.prepare(step, steps, **loads)
-        left, resume = int(steps), False
+        _, terms = self.prepare(step, steps, **loads)
+        self._system = recording(self.plates, self._system, int(steps))
+        try:
+            self._run(terms, int(steps), step)
+        finally:
+            self._system = recorded(self.plates, self._system)
+
+    def _run(self, terms: Terms, steps: int, step: float) -> None:
+        system, left, resume = self._system, steps, False
         while True:
             done, code = _advance(system, terms, left, step, resume)
             left -= done

@@ -45,6 +45,7 @@ from particles.system import (
 )  # fmt: skip
 from particles.vectors import in_plane
 from particles.walls.contact import wall_forces
+from particles.walls.history import record_walls
 from particles.walls.motion import end_walls, move_walls, walls_travel
 
 FINISHED, STALE, UNSTABLE = 0, 1, 2
@@ -528,6 +529,7 @@ def advance(system, terms, steps, step, resume):
         if stale(system):
             return done, STALE
         evaluate(system, terms, step)
+        record_walls(system.records, system.walls, system.clock[TIME])
         done += 1
         if done == steps:
             kick(system, terms, step)

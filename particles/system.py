@@ -104,6 +104,16 @@ class Breaks(NamedTuple):
     count: Any  # (1,) int64
 
 
+class Records(NamedTuple):
+    """Walls whose histories are written down in a run, and the room for it (see `particles.walls.history`)."""
+
+    wall: Any  # (recorded,) int64: row of each in `Walls.wall`
+    every: Any  # (recorded,) int64: steps from row to row
+    left: Any  # (recorded,) int64: steps until the next row
+    log: Any  # (recorded, room, columns)
+    count: Any  # (recorded,) int64: rows written
+
+
 class System(NamedTuple):
     """All that the kernels read and write; fetch it anew (`Assembly.system`) after `prepare` and `refresh`.
 
@@ -131,6 +141,7 @@ class System(NamedTuple):
     material: Any  # None or (n,) int32
     external: Any  # None or (n, freedoms): constant forces of the caller
     walls: Any  # None or Walls
+    records: Any  # None or Records
     held: Any  # None or Held
     breaks: Any  # None or Breaks
     cell: Any  # None or Cell
