@@ -15,6 +15,7 @@ from particles.laws.several import Laws
 from particles.motion import Unstable
 from particles.network import rows_of
 from particles.system import RADIUS, SMALLEST_RADIUS, SUMS, TIME, TRAVEL_LIMIT, Held, System, Terms
+from particles.walls.history import recorded, recording
 from particles.walls.listing import arranged, driven
 from particles.walls.servo import set_contact_constants
 from particles.walls.wall import Wall
@@ -130,8 +131,8 @@ class Assembly:
             lightness=lightness, rotation=rows(space), spin=rows(space), 
             angular=rows(space), torque=rows(space), nimbleness=nimbleness, start=np.zeros(count + 1, dtype=np.int32),
             first=none, second=none, history=np.zeros((len(self._laws.columns), 0)), scratch=aligned((SCRATCH,)),
-            material=self._laws.materials, external=None, walls=None, held=None, breaks=None,
-            cell=None if self.cell is None else self.cell.arrays,
+            material=self._laws.materials, external=None, walls=None, records=None, held=None, breaks=None,
+            cell=None if self.cell is None else self.cell.arrays, flow=rows(self.cell is not None),
             listed=position[:, : self.axes].copy(), sums=np.zeros(SUMS), clock=clock,
         )  # fmt: skip
 
@@ -308,7 +309,8 @@ class Assembly:
         """Deform the periodic cell at a constant velocity gradient L (axes, axes), 1/s, from now on.
 
         The particles get the change of the field L x on top of their velocities, so that the deformation is homogeneous
-        from the start; its kinetic energy counts as imposed. The edges' work is `cell_work` among the energies.
+        from the start (and the field that damping spares, see `terms`, changes by as much); its kinetic energy counts as imposed. The edges' work is `cell_work` among the energies, with the work
+        of damping forces along L x: what damps moves with the cell.
 
         Raises:
             ValueError: there is no cell, or L does not keep the form of its edges (upper triangular).
@@ -320,7 +322,7 @@ class Assembly:
         velocities = self.velocities
         velocities[:, : self.axes] += self.positions @ change.T
         self.velocities = velocities
-        self.cell.arrays.gradient[: self.axes, : self.axes] = gradient
+        self.cell.set_gradient(gradient, self.masses @ self.positions / self.masses.sum() if self.count else np.zeros(self.axes))
 
     def cell_stress(self) -> np.ndarray:
         """Mean stress (axes, axes) in the periodic cell, Pa, tension positive; see `particles.network.cell_stress`.
@@ -442,7 +444,8 @@ class Assembly:
         """What the scene has, for jitted loops; zeros become None and are compiled away.
 
         Args:
-            mass_damping: c in 1/s: force -c m v, also on rotations.
+            mass_damping: c in 1/s: force -c m v, also on rotations. In a deforming periodic cell all kinds of damping act on
+                the velocity beyond that of the cell, v - L x (see `PeriodicCell.set_gradient`), and on the spins as they are.
             local_damping: alpha, 0 to below 1: force -alpha |F| sgn(v) for each component.
             gravity: (gx, gy) or (gx, gy, gz), m/s2.
             vector_damping: (alpha, alpha_r), 0 to below 1, for translations and rotations: force -alpha |F| v / |v| and
@@ -497,6 +500,8 @@ class Assembly:
     def advance(self, steps: int, step: float, **loads: Any) -> None:
         """Make `steps` steps of size `step` (s) by explicit central difference (Li & Wan 2010, eqs 27-30).
 
+        Walls with `record` write their histories meanwhile.
+
         Args:
             loads: `mass_damping`, `local_damping`, `vector_damping`, `gravity`, as in `terms`.
 
@@ -507,8 +512,15 @@ class Assembly:
             raise ValueError(f"steps={steps} must be a whole number, zero or positive")
         if steps == 0:
             return
-        system, terms = self.prepare(step, steps, **loads)
-        left, resume = int(steps), False
+        _, terms = self.prepare(step, steps, **loads)
+        self._system = recording(self.plates, self._system, int(steps))
+        try:
+            self._run(terms, int(steps), step)
+        finally:
+            self._system = recorded(self.plates, self._system)
+
+    def _run(self, terms: Terms, steps: int, step: float) -> None:
+        system, left, resume = self._system, steps, False
         while True:
             done, code = _advance(system, terms, left, step, resume)
             left -= done

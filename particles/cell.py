@@ -36,12 +36,44 @@ class PeriodicCell:
         matrix[range(self.axes), range(self.axes)] = lengths
         repeats = np.zeros(3)
         repeats[: self.axes] = flags
-        self.arrays = Cell(matrix, matrix.copy(), np.zeros((3, 3)), np.zeros((3, 3)), repeats)
+        self.arrays = Cell(matrix, matrix.copy(), np.zeros((3, 3)), np.zeros((3, 3)), repeats, np.zeros((2, 3)))
+        self.at_start = self.arrays._replace(matrix=matrix.copy())
+        self._whole = np.eye(3)  # the present edges in terms of those of the start, carried along: whole numbers
 
     @property
     def matrix(self) -> np.ndarray:
         """Edge vectors as columns (axes, axes), m: upper triangular."""
         return self.arrays.matrix[: self.axes, : self.axes].copy()
+
+    @property
+    def start(self) -> np.ndarray:
+        """Edges (axes, axes) as columns at the start, m."""
+        return self.at_start.matrix[: self.axes, : self.axes].copy()
+
+    @property
+    def carried(self) -> np.ndarray:
+        """The edges of the start as the deformation has carried them along (axes, axes), m; they may lean over any far."""
+        found = self.arrays.matrix @ np.linalg.inv(self._whole)
+        return found[: self.axes, : self.axes]
+
+    def set_gradient(self, gradient: np.ndarray, centre: np.ndarray) -> None:
+        """Deform at a velocity gradient L (axes, axes), 1/s, from now on; the flow changes by the change of L times x.
+
+        The flow's velocity at a place x is L (x - a) + b with an anchor a that starts in the packing's `centre` (axes,), m,
+        and goes on at the flow's velocity b there: a field L x about a fixed origin would accelerate the packing as a whole
+        by L L x, by more the farther it lies from the origin.
+        """
+        place, velocity = self.arrays.anchor[:, : self.axes]
+        velocity += self.velocity_gradient @ (centre - place) + (gradient - self.velocity_gradient) @ centre
+        place[:] = centre
+        self.arrays.gradient[: self.axes, : self.axes] = gradient
+
+    def take_off(self, a: int, b: int) -> None:
+        """Take as many whole edges a off edge b as bring it nearest to upright: the same lattice."""
+        m = self.arrays.matrix
+        number = np.round(m[a, b] / m[a, a])
+        m[:, b] -= number * m[:, a]
+        self._whole[:, b] -= number * self._whole[:, a]
 
     @property
     def volume(self) -> float:
@@ -73,11 +105,10 @@ def checked_gradient(cell: PeriodicCell, gradient: Any) -> np.ndarray:
 
 def reduce_tilt(cell: PeriodicCell) -> None:
     """Take whole edges off edges that lean over by more than half of them: the same lattice, with a box that is not flat."""
-    m = cell.arrays.matrix
     for b in range(cell.axes - 1, 0, -1):
         for a in range(b - 1, -1, -1):
             if cell.periodic[a] and cell.periodic[b]:
-                m[:, b] -= np.round(m[a, b] / m[a, a]) * m[:, a]
+                cell.take_off(a, b)
 
 
 @njit(**INNER)
@@ -93,6 +124,8 @@ def move_cell(cell, step):
     for a in range(3):
         for b in range(3):
             cell.matrix[a, b] += step * cell.rate[a, b]
+    for c in range(3):
+        cell.anchor[0, c] += step * cell.anchor[1, c]
 
 
 def image_numbers(cell):
@@ -147,10 +180,13 @@ def image_in_space(image, b):
 
 def nearest_image(cell: PeriodicCell | None, branch: np.ndarray) -> np.ndarray:
     """Branches (k, axes) to the nearest images."""
-    if cell is None:
-        return branch
-    found, matrix = branch.copy(), cell.matrix
-    for a in range(cell.axes - 1, -1, -1):
-        if cell.periodic[a]:
-            found -= np.floor(found[:, a] / matrix[a, a] + 0.5)[:, None] * matrix[:, a]
-    return found
+    return branch if cell is None else branch + image_of(cell.matrix, cell.periodic, branch) @ cell.matrix.T
+
+
+def image_of(edges: np.ndarray, periodic: np.ndarray, branch: np.ndarray) -> np.ndarray:
+    """Whole edges (columns of `edges`) to be added to branches (k, axes) for the nearest images (k, axes)."""
+    left, numbers = branch.copy(), np.zeros_like(branch)
+    for a in np.flatnonzero(periodic)[::-1]:
+        numbers[:, a] = -np.floor(left[:, a] / edges[a, a] + 0.5)
+        left += numbers[:, a, None] * edges[:, a]
+    return numbers

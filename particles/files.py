@@ -1,4 +1,4 @@
-"""Packings as text: a line `x y r` (or `x y z r`) for each particle, comments after #."""
+"""Packings as text, a line `x y r` (or `x y z r`) for each particle, comments after #; histories of walls as CSV."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from particles.walls.history import WallHistory
 
 
 def write_packing(file: str | os.PathLike, positions: Any, radii: Any, comment: str = "", unit: str = "m") -> None:
@@ -33,6 +35,13 @@ def write_packing(file: str | os.PathLike, positions: Any, radii: Any, comment: 
     head = [*comment.splitlines(), f"{len(radii)} particles: {names} ({unit})"]
     rows = (" ".join(map(repr, row)) for row in np.column_stack((positions, radii)).tolist())
     Path(file).write_text("".join(f"# {line}\n" for line in head) + "".join(f"{row}\n" for row in rows))
+
+
+def write_history(file: str | os.PathLike, history: WallHistory) -> None:
+    """Write the history of a wall as CSV, a column a component with its name on top; numbers keep all their bits."""
+    columns = history.columns()
+    rows = np.column_stack(list(columns.values())).tolist()
+    Path(file).write_text("".join(f"{','.join(line)}\n" for line in [list(columns), *(map(repr, row) for row in rows)]))
 
 
 def read_packing(file: str | os.PathLike) -> tuple[np.ndarray, np.ndarray]:

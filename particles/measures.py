@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from particles import neighbours
+from particles.cell import image_of
+from particles.images import images_near, parts_in, volume_of, wrapped
 from particles.network import Contacts, contacts, stiffnesses
 from particles.volumes import area_in_box as area_in_box
-from particles.volumes import common_area, common_volume, parts_inside, region_volume, share_inside, volumes
+from particles.volumes import common_area, common_volume, share_inside, volumes
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
@@ -69,6 +71,8 @@ def averaged_stress(
 ) -> np.ndarray:
     """Average over circles (balls) around points of the particles' stresses (Rojek & Onate 2007, eqs 46-51), Pa.
 
+    In a periodic cell all images in a circle count, wherever it lies.
+
     Args:
         points: (k, d), m: nodes of a grid, quadrature points, ...
         radius: of the circles or balls (default 2.5 times the largest particle), m.
@@ -88,13 +92,17 @@ def averaged_stress(
     if not (np.isfinite(size) and size > 0.0):
         raise ValueError(f"radius={radius} must be positive (m)")
     values = particle_stress(soil) if values is None else np.asarray(values)
-    found = cKDTree(positions).query_ball_point(points, size + radii.max())
+    middle = wrapped(soil.cell, points)
+    reach = size + radii.max()
+    particle, places = images_near(soil.cell, positions, middle.min(axis=0), middle.max(axis=0), reach)
+    found = cKDTree(places).query_ball_point(middle, reach)
     average = np.zeros((len(points), *values.shape[1:]))
     solid = np.zeros(len(points))
     common = common_area if axes == 2 else common_volume
     for k, near in enumerate(found):
-        part = common(np.linalg.norm(positions[near] - points[k], axis=1), radii[near], size)
-        average[k] = np.tensordot(part, values[near], axes=1)
+        own = particle[near]
+        part = common(np.linalg.norm(places[near] - middle[k], axis=1), radii[own], size)
+        average[k] = np.tensordot(part, values[own], axes=1)
         solid[k] = part.sum()
     if solid_fraction is not None:
         volume = np.where(solid > 0.0, solid, 1.0) / solid_fraction
@@ -109,13 +117,14 @@ def region_average(
     """Average over one representative volume of any shape: sum of V_p inside times the particles' stresses, over V, Pa.
 
     Args:
-        region: box (lower, upper), or anything with `contains(points)`.
+        region: box (lower, upper), or anything with `contains(points)`; in a periodic cell all images in it count, and a
+            region must have finite `bounds`. `soil.cell` is the whole cell, leaning or not.
         volume: of the region with its voids, m3 (in the plane m2); boxes and regions with `measure` know theirs.
         values: (n, ...) of each particle; default `particle_stress`.
     """
     values = particle_stress(soil) if values is None else np.asarray(values)
-    part = parts_inside(soil.positions, soil.radii, region)
-    return np.tensordot(part, values, axes=1) / (region_volume(region) if volume is None else volume)
+    part = parts_in(soil.cell, soil.positions, soil.radii, region)
+    return np.tensordot(part, values, axes=1) / (volume_of(region) if volume is None else volume)
 
 
 def volumetric_stress(stress: np.ndarray, poisson_ratio: float) -> np.ndarray:
@@ -133,23 +142,34 @@ def effective_stress(stress: np.ndarray, poisson_ratio: float) -> np.ndarray:
 
 
 def reference_pairs(soil: Assembly, contact_range: float = 1e-3) -> np.ndarray:
-    """Ids (k, 2) of particles closer than (1 + contact_range) (r_i + r_j) in the reference state."""
-    places, radii = soil.reference, soil.radii
+    """Ids (k, 2) of particles (in a periodic cell: images) closer than (1 + contact_range) (r_i + r_j) in the reference state."""
+    places, radii, cell = soil.reference, soil.radii, soil.cell
     largest = radii.max(initial=0.0)
     skin = (2.0 * contact_range + 1e-12) * largest
     none = np.zeros(soil.count, dtype=bool)
-    grid = neighbours.grid_of(places, 2.0 * largest + skin, soil.axes, None)
-    start, first, second = neighbours.list_pairs(grid, places, radii, none, skin, soil.axes, 4 * soil.count, None)
+    box = None if cell is None else cell.at_start
+    grid = neighbours.grid_of(places, 2.0 * largest + skin, soil.axes, box)
+    start, first, second = neighbours.list_pairs(grid, places, radii, none, skin, soil.axes, 4 * soil.count, box)
     first, second = first[: start[-1]], second[: start[-1]]
-    gap = np.linalg.norm(places[second] - places[first], axis=1) - (1.0 + contact_range) * (radii[first] + radii[second])
+    branch = places[second] - places[first]
+    if cell is not None:
+        branch += image_of(cell.start, cell.periodic, branch) @ cell.start.T
+    gap = np.linalg.norm(branch, axis=1) - (1.0 + contact_range) * (radii[first] + radii[second])
     return np.column_stack([first, second])[gap < 0.0]
 
 
-def _fitted(soil: Assembly, pairs: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Gradient (n, d, d) of vectors (n, d) by least squares over neighbours of the reference state; NaN with too few."""
+def _fitted(soil: Assembly, pairs: np.ndarray, vectors: np.ndarray, edges: Any) -> np.ndarray:
+    """Gradient (n, d, d) of vectors (n, d) by least squares over neighbours of the reference state; NaN with too few.
+
+    Args:
+        edges: (d, d) difference of the vectors from one periodic image to the next (columns), None without a cell.
+    """
     particle, other = np.concatenate([pairs, pairs[:, ::-1]]).T
-    before = (soil.reference[other] - soil.reference[particle])[:, None, :]
-    change = (vectors[other] - vectors[particle])[:, :, None]
+    branch, apart = soil.reference[other] - soil.reference[particle], vectors[other] - vectors[particle]
+    if soil.cell is not None:
+        image = image_of(soil.cell.start, soil.cell.periodic, branch)
+        branch, apart = branch + image @ soil.cell.start.T, apart + image @ edges.T
+    before, change = branch[:, None, :], apart[:, :, None]
     moved = np.zeros((soil.count, soil.axes, soil.axes))
     shape = np.zeros_like(moved)
     np.add.at(moved, particle, change * before)
@@ -164,12 +184,14 @@ def _fitted(soil: Assembly, pairs: np.ndarray, vectors: np.ndarray) -> np.ndarra
 def nominal_strain(soil: Assembly, contact_range: float = 1e-3, pairs: np.ndarray | None = None) -> NominalStrain:
     """Strain of each particle from its neighbours of the reference state: least-squares deformation gradient.
 
+    In a periodic cell neighbours through the faces count, with the cell's own deformation since the start.
+
     Args:
         contact_range: neighbours are closer than (1 + contact_range) (r_i + r_j) in the reference state.
         pairs: (k, 2) ids, if other neighbours are wanted.
     """
     pairs = reference_pairs(soil, contact_range) if pairs is None else np.asarray(pairs)
-    gradient = _fitted(soil, pairs, soil.positions)
+    gradient = _fitted(soil, pairs, soil.positions, None if soil.cell is None else soil.cell.carried)
     green = 0.5 * (np.swapaxes(gradient, 1, 2) @ gradient - np.eye(soil.axes))
     square = np.sum(green**2, axis=(1, 2)) - np.trace(green, axis1=1, axis2=2) ** 2 / 3.0
     return NominalStrain(np.linalg.det(gradient) - 1.0, np.sqrt(2.0 / 3.0 * np.maximum(square, 0.0)), gradient)
@@ -178,7 +200,8 @@ def nominal_strain(soil: Assembly, contact_range: float = 1e-3, pairs: np.ndarra
 def gradient_rate(soil: Assembly, contact_range: float = 1e-3, pairs: np.ndarray | None = None) -> np.ndarray:
     """Rate (n, d, d) of the same deformation gradient from the velocities, 1/s; L = rate F^-1. NaN with too few neighbours."""
     pairs = reference_pairs(soil, contact_range) if pairs is None else np.asarray(pairs)
-    return _fitted(soil, pairs, soil.velocities[:, : soil.axes])
+    edges = None if soil.cell is None else soil.cell.velocity_gradient @ soil.cell.carried
+    return _fitted(soil, pairs, soil.velocities[:, : soil.axes], edges)
 
 
 def coordination(
@@ -217,9 +240,9 @@ def porosity(soil: Assembly, lower: Any, upper: Any) -> float:
 
 
 def porosity_in(soil: Assembly, region: Any, volume: float | None = None) -> float:
-    """Share of voids in a box (lower, upper) or a region with `contains(points)`; `volume` as in `region_average`."""
-    solid = parts_inside(soil.positions, soil.radii, region).sum()
-    return float(1.0 - solid / (region_volume(region) if volume is None else volume))
+    """Share of voids in a region; `region` and `volume` as in `region_average`."""
+    solid = parts_in(soil.cell, soil.positions, soil.radii, region).sum()
+    return float(1.0 - solid / (volume_of(region) if volume is None else volume))
 
 
 def moduli(

@@ -45,6 +45,7 @@ from particles.system import (
 )  # fmt: skip
 from particles.vectors import in_plane
 from particles.walls.contact import wall_forces
+from particles.walls.history import record_walls
 from particles.walls.motion import end_walls, move_walls, walls_travel
 
 FINISHED, STALE, UNSTABLE = 0, 1, 2
@@ -61,20 +62,27 @@ class Unstable(RuntimeError):
 
 
 @njit(**SMOOTH)
-def _accelerate(acceleration, force, lightness, velocity, mass_damping, local_damping, step):
-    """Acceleration with damping (M9: mass damping at the end of the step; local damping against the velocity)."""
+def _accelerate(acceleration, force, lightness, velocity, flow, mass_damping, local_damping, step):
+    """Acceleration with damping (M9: mass damping at the end of the step; local damping against the velocity).
+
+    Here and below `flow` is the velocity of the deforming cell at each place, None without one: what is damped, and what that
+    takes, is the velocity beyond it.
+    """
     for e in range(acceleration.size):
         total = force[e]
+        speed = velocity[e]
+        if flow is not None:
+            speed -= flow[e]
         if local_damping is not None:
-            total -= local_damping * abs(total) * np.sign(velocity[e])
+            total -= local_damping * abs(total) * np.sign(speed)
         total *= lightness[e]
         if mass_damping is not None:
-            total = (total - mass_damping * velocity[e]) / (1.0 + 0.5 * mass_damping * step)
+            total = (total - mass_damping * speed) / (1.0 + 0.5 * mass_damping * step)
         acceleration[e] = total
 
 
 @njit(**SMOOTH)
-def _resist(acceleration, force, lightness, velocity, vector, turning, mass_damping, step, plane):
+def _resist(acceleration, force, lightness, velocity, flow, vector, turning, mass_damping, step, plane):
     """Take local damping against the vectors of velocity and spin off new accelerations (Rojek & Onate 2007, eqs 25-26).
 
     -alpha |F| v / |v|, zero at rest; in the plane the third number of a row is the rotation, by itself (`turning`).
@@ -83,6 +91,8 @@ def _resist(acceleration, force, lightness, velocity, vector, turning, mass_damp
     for e in range(0, velocity.size, 4):
         fx, fy, fz = force[e], force[e + 1], force[e + 2]
         vx, vy, vz = velocity[e], velocity[e + 1], velocity[e + 2]
+        if flow is not None:
+            vx, vy, vz = vx - flow[e], vy - flow[e + 1], vz - flow[e + 2]
         if plane is not None:
             acceleration[e + 2] -= turning * abs(fz) * np.sign(vz) * lightness[e + 2] * share
             fz = vz = 0.0
@@ -96,12 +106,14 @@ def _resist(acceleration, force, lightness, velocity, vector, turning, mass_damp
 
 
 @njit(**SMOOTH)
-def _vector_loss(velocity, acceleration, force, half, vector, turning, plane):
+def _vector_loss(velocity, flow, acceleration, force, half, vector, turning, plane):
     """Sum of alpha |F| (v / |v|) . w: v before the level, w the mean velocity around it."""
     total = 0.0
     for e in range(0, velocity.size, 4):
         fx, fy, fz = force[e], force[e + 1], force[e + 2]
         vx, vy, vz = velocity[e], velocity[e + 1], velocity[e + 2]
+        if flow is not None:
+            vx, vy, vz = vx - flow[e], vy - flow[e + 1], vz - flow[e + 2]
         ax, ay, az = acceleration[e], acceleration[e + 1], acceleration[e + 2]
         if plane is not None:
             total += turning * abs(fz) * np.sign(vz) * (vz + half * az)
@@ -114,31 +126,71 @@ def _vector_loss(velocity, acceleration, force, half, vector, turning, plane):
 
 
 @njit(**SMOOTH)
-def _mass_loss(velocity, acceleration, lightness, half, move):
+def _mass_loss(velocity, flow, acceleration, lightness, half, move):
     """Sum of v M w: v at the level `half` after `velocity`, w the mean velocity around it (`velocity` at an end)."""
     total = 0.0
     for e in range(velocity.size):
-        level = velocity[e] + half * acceleration[e]
-        total += level * (level if move == 1 else velocity[e]) / lightness[e]
+        speed = velocity[e]
+        if flow is not None:
+            speed -= flow[e]
+        level = speed + half * acceleration[e]
+        total += level * (level if move == 1 else speed) / lightness[e]
     return total
 
 
 @njit(**SMOOTH)
-def _start_loss(velocity, acceleration, lightness, half):
+def _start_loss(velocity, flow, acceleration, lightness, half):
     """The same at the start of a run: v is `velocity`, w that of the half step that follows."""
     total = 0.0
     for e in range(velocity.size):
-        total += velocity[e] * (velocity[e] + half * acceleration[e]) / lightness[e]
+        speed = velocity[e]
+        if flow is not None:
+            speed -= flow[e]
+        total += speed * (speed + half * acceleration[e]) / lightness[e]
     return total
 
 
 @njit(**SMOOTH)
-def _local_loss(velocity, acceleration, force, half):
+def _local_loss(velocity, flow, acceleration, force, half):
     """Sum of |F| sgn(v) w: v before the level, w the mean velocity around it."""
     total = 0.0
     for e in range(velocity.size):
-        total += abs(force[e]) * np.sign(velocity[e]) * (velocity[e] + half * acceleration[e])
+        speed = velocity[e]
+        if flow is not None:
+            speed -= flow[e]
+        total += abs(force[e]) * np.sign(speed) * (speed + half * acceleration[e])
     return total
+
+
+@njit(**SMOOTH)
+def _carrying_power(flow, acceleration, force, lightness):
+    """Power of the damping forces, m a - F, along the flow: what the deforming cell does by them."""
+    total = 0.0
+    if flow is not None:
+        for e in range(force.size):
+            total += flow[e] * (acceleration[e] / lightness[e] - force[e])
+    return total
+
+
+@njit(**INNER)
+def _set_flow(flow, position, cell, held, space):
+    """Write the velocity of a deforming cell at the present places into `flow`, zero where components are held."""
+    if flow is not None:
+        _flow_at(flow, position, cell.gradient, cell.anchor, space)
+        if held is not None:
+            for k in range(held.row.size):
+                for c in range(3):
+                    flow[held.row[k], c] *= held.free[k, c]
+
+
+@njit(**INNER)
+def _flow_at(flow, position, gradient, anchor, space):
+    for i in range(flow.shape[0]):
+        x, y = position[i, 0] - anchor[0, 0], position[i, 1] - anchor[0, 1]
+        z = 0.0 if space is None else position[i, 2] - anchor[0, 2]
+        flow[i, 0] = anchor[1, 0] + gradient[0, 0] * x + gradient[0, 1] * y + gradient[0, 2] * z
+        flow[i, 1] = anchor[1, 1] + gradient[1, 1] * y + gradient[1, 2] * z
+        flow[i, 2] = anchor[1, 2] + gradient[2, 2] * z
 
 
 @njit(**SMOOTH)
@@ -170,37 +222,42 @@ def _part(rows, a, b):
 
 @njit(**INNER)
 def _drift_rows(
-    place, velocity, acceleration, force, lightness, sums, mass_damping, local_damping, vector, turning, plane, step
+    place, velocity, flow, acceleration, force, lightness, sums, mass_damping, local_damping, vector, turning, plane,
+    step,
 ):
     """First half kick and drift of one kind of motion."""
     half = 0.5 * step
     if mass_damping is not None:
-        sums[MASS_DAMPING] += half * mass_damping * _start_loss(velocity, acceleration, lightness, half)
+        sums[MASS_DAMPING] += half * mass_damping * _start_loss(velocity, flow, acceleration, lightness, half)
     if local_damping is not None:
-        sums[LOCAL_DAMPING] += half * local_damping * _local_loss(velocity, acceleration, force, half)
+        sums[LOCAL_DAMPING] += half * local_damping * _local_loss(velocity, flow, acceleration, force, half)
     if vector is not None:
-        sums[LOCAL_DAMPING] += half * _vector_loss(velocity, acceleration, force, half, vector, turning, plane)
+        sums[LOCAL_DAMPING] += half * _vector_loss(velocity, flow, acceleration, force, half, vector, turning, plane)
+    if mass_damping is not None or local_damping is not None or vector is not None:
+        sums[CELL] += half * _carrying_power(flow, acceleration, force, lightness)
     _add(velocity, half, acceleration)
     _add(place, step, velocity)
 
 
 @njit(**INNER)
 def _kick_rows(
-    place, velocity, acceleration, force, lightness, sums, mass_damping, local_damping, vector, turning, plane,
+    place, velocity, flow, acceleration, force, lightness, sums, mass_damping, local_damping, vector, turning, plane,
     step, move,
 ):
     """New accelerations; velocities to the end of the step, or (move = 1) on to the middle of the next, and drift."""
     half = 0.5 * step
     onward = half + move * half
-    _accelerate(acceleration, force, lightness, velocity, mass_damping, local_damping, step)
+    _accelerate(acceleration, force, lightness, velocity, flow, mass_damping, local_damping, step)
     if vector is not None:
-        _resist(acceleration, force, lightness, velocity, vector, turning, mass_damping, step, plane)
+        _resist(acceleration, force, lightness, velocity, flow, vector, turning, mass_damping, step, plane)
     if mass_damping is not None:
-        sums[MASS_DAMPING] += onward * mass_damping * _mass_loss(velocity, acceleration, lightness, half, move)
+        sums[MASS_DAMPING] += onward * mass_damping * _mass_loss(velocity, flow, acceleration, lightness, half, move)
     if local_damping is not None:
-        sums[LOCAL_DAMPING] += onward * local_damping * _local_loss(velocity, acceleration, force, move * half)
+        sums[LOCAL_DAMPING] += onward * local_damping * _local_loss(velocity, flow, acceleration, force, move * half)
     if vector is not None:
-        sums[LOCAL_DAMPING] += onward * _vector_loss(velocity, acceleration, force, move * half, vector, turning, plane)
+        sums[LOCAL_DAMPING] += onward * _vector_loss(velocity, flow, acceleration, force, move * half, vector, turning, plane)
+    if mass_damping is not None or local_damping is not None or vector is not None:
+        sums[CELL] += onward * _carrying_power(flow, acceleration, force, lightness)
     _add(velocity, onward, acceleration)
     if move == 1:
         _add(place, step, velocity)
@@ -210,17 +267,19 @@ def _kick_rows(
 def _drift(system, spin, terms, step):
     fastest = 0.0
     count = system.position.shape[0]
+    _set_flow(system.flow, system.position, system.cell, system.held, system.spin)
     for a in range(0, count, BLOCK):
         b = min(a + BLOCK, count)
         _drift_rows(
-            _part(system.position, a, b), _part(system.velocity, a, b),
-            _part(system.acceleration, a, b), _part(system.force, a, b), _part(system.lightness, a, b),
+            _part(system.position, a, b), _part(system.velocity, a, b), _part(system.flow, a, b),
+            _part(system.acceleration, a, b), _part(system.force, a, b),
+            _part(system.lightness, a, b),
             system.sums, terms.mass_damping, terms.local_damping, terms.vector_damping, terms.spin_damping,
             in_plane(system.spin), step,
         )  # fmt: skip
         if spin is not None:
             _drift_rows(
-                _part(system.rotation, a, b), _part(system.spin, a, b),
+                _part(system.rotation, a, b), _part(system.spin, a, b), None,
                 _part(system.angular, a, b), _part(system.torque, a, b), _part(system.nimbleness, a, b),
                 system.sums, terms.mass_damping, terms.local_damping, terms.spin_damping, terms.spin_damping, None, step,
             )  # fmt: skip
@@ -233,17 +292,19 @@ def _drift(system, spin, terms, step):
 def _kick(system, spin, terms, step, move):
     fastest = 0.0
     count = system.position.shape[0]
+    _set_flow(system.flow, system.position, system.cell, system.held, system.spin)
     for a in range(0, count, BLOCK):
         b = min(a + BLOCK, count)
         _kick_rows(
-            _part(system.position, a, b), _part(system.velocity, a, b),
-            _part(system.acceleration, a, b), _part(system.force, a, b), _part(system.lightness, a, b),
+            _part(system.position, a, b), _part(system.velocity, a, b), _part(system.flow, a, b),
+            _part(system.acceleration, a, b), _part(system.force, a, b),
+            _part(system.lightness, a, b),
             system.sums, terms.mass_damping, terms.local_damping, terms.vector_damping, terms.spin_damping,
             in_plane(system.spin), step, move,
         )  # fmt: skip
         if spin is not None:
             _kick_rows(
-                _part(system.rotation, a, b), _part(system.spin, a, b),
+                _part(system.rotation, a, b), _part(system.spin, a, b), None,
                 _part(system.angular, a, b), _part(system.torque, a, b), _part(system.nimbleness, a, b),
                 system.sums, terms.mass_damping, terms.local_damping, terms.spin_damping, terms.spin_damping, None, step, move,
             )  # fmt: skip
@@ -456,6 +517,7 @@ def advance(system, terms, steps, step, resume):
         if stale(system):
             return done, STALE
         evaluate(system, terms, step)
+        record_walls(system.records, system.walls, system.clock[TIME])
         done += 1
         if done == steps:
             kick(system, terms, step)

@@ -15,7 +15,7 @@ from particles.laws.touch import FLAT, Touch, respond, with_numbers
 from particles.system import INLINE, OUTER, RADIUS, System, Terms
 from particles.vectors import load
 from particles.walls.contact import see_all
-from particles.walls.motion import hold_walls
+from particles.walls.motion import hold_walls, lightness_of
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
@@ -57,13 +57,19 @@ def radii_of(soil: Assembly, contacts: Contacts) -> np.ndarray:
     return np.column_stack([radii[contacts.first], np.where(contacts.plate >= 0, FLAT, radii[contacts.second])])
 
 
+def _history(contacts: Contacts, these: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: values[these] for name, values in contacts.history.items()}
+
+
 def stiffnesses(soil: Assembly, contacts: Contacts) -> np.ndarray:
     """Tangent stiffness of normal, sliding (N/m), rolling, torsion (N m/rad) of each contact (k, 4), all sticking."""
     found = np.zeros((len(contacts.first), 4))
     radii, rolling = radii_of(soil, contacts), rolling_radius(contacts)
     for k in np.unique(contacts.law):
         these = contacts.law == k
-        found[these] = soil.all_laws[k].stiffness(contacts.overlap[these], radii[these], rolling[these])
+        found[these] = soil.all_laws[k].stiffness(
+            contacts.overlap[these], radii[these], rolling[these], _history(contacts, these)
+        )
     return found
 
 
@@ -71,11 +77,14 @@ def dashpots(soil: Assembly, contacts: Contacts) -> np.ndarray:
     """Dashpots of the same (k, 4), N s/m and N m s/rad."""
     found = np.zeros((len(contacts.first), 4))
     radii, rolling, masses = radii_of(soil, contacts), rolling_radius(contacts), soil.masses
-    lightness = 1.0 / masses[contacts.first] + np.where(contacts.plate >= 0, 0.0, 1.0 / masses[contacts.second])
+    of_wall = np.zeros(0) if soil.system.walls is None else lightness_of(soil.system.walls)
+    at_wall = contacts.plate >= 0
+    lightness = 1.0 / masses[contacts.first] + np.where(at_wall, 0.0, 1.0 / masses[contacts.second])
+    lightness[at_wall] += of_wall[contacts.plate[at_wall]]
     for k in np.unique(contacts.law):
         these = contacts.law == k
         found[these] = soil.all_laws[k].damping(
-            contacts.overlap[these], radii[these], rolling[these], 1.0 / lightness[these]
+            contacts.overlap[these], radii[these], rolling[these], 1.0 / lightness[these], _history(contacts, these)
         )
     return found
 
@@ -86,8 +95,8 @@ def stored(soil: Assembly, contacts: Contacts) -> dict[str, float]:
     total: dict[str, float] = {}
     for k in range(len(soil.all_laws)):
         these = contacts.law == k
-        history = {name: values[these] for name, values in contacts.history.items()}
-        for name, energy in soil.all_laws[k].stored(contacts.overlap[these], radii[these], history).items():
+        energies = soil.all_laws[k].stored(contacts.overlap[these], radii[these], _history(contacts, these))
+        for name, energy in energies.items():
             total[name] = total.get(name, 0.0) + float(energy.sum())
     return total
 

@@ -94,6 +94,7 @@ class Cell(NamedTuple):
     gradient: Any  # (3, 3) velocity gradient, 1/s
     rate: Any  # (3, 3) change of the edges in the last step over its length, m/s
     repeats: Any  # (3,) 1 along periodic axes, otherwise 0
+    anchor: Any  # (2, 3) a place that goes with the flow of the cell, and its constant velocity, m and m/s
 
 
 class Breaks(NamedTuple):
@@ -101,6 +102,16 @@ class Breaks(NamedTuple):
 
     log: Any  # (room, 7): time, row i, row j, contact point (x, y, z), energy
     count: Any  # (1,) int64
+
+
+class Records(NamedTuple):
+    """Walls whose histories are written down in a run, and the room for it (see `particles.walls.history`)."""
+
+    wall: Any  # (recorded,) int64: row of each in `Walls.wall`
+    every: Any  # (recorded,) int64: steps from row to row
+    left: Any  # (recorded,) int64: steps until the next row
+    log: Any  # (recorded, room, columns)
+    count: Any  # (recorded,) int64: rows written
 
 
 class System(NamedTuple):
@@ -128,9 +139,11 @@ class System(NamedTuple):
     material: Any  # None or (n,) int32
     external: Any  # None or (n, freedoms): constant forces of the caller
     walls: Any  # None or Walls
+    records: Any  # None or Records
     held: Any  # None or Held
     breaks: Any  # None or Breaks
     cell: Any  # None or Cell
+    flow: Any  # None (no cell) or (n, 4): room for the velocity of the deforming cell at each place; 0
     listed: Any  # (n, 3): positions (in the plane: angles, too) at the last list build
     sums: Any  # (SUMS,): energy sums
     clock: Any  # (4,): time, travel since the list was built, its limit, smallest radius

@@ -36,34 +36,52 @@ def common_volume(distance: Any, first: Any, second: Any) -> np.ndarray:
     return np.where(inside, 4.0 / 3.0 * np.pi * np.minimum(a, b) ** 3, lens)
 
 
+def _quadrant(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Area of the disc of radius one where x < a and y < b (both from -1 to 1): columns from -root(1 - x^2) to b or above."""
+    edge = np.sqrt(1.0 - b * b)
+    middle = np.clip(a, -edge, edge)
+
+    def half(x: np.ndarray) -> np.ndarray:
+        return 0.5 * (x * np.sqrt(np.maximum(1.0 - x * x, 0.0)) + np.arcsin(x))
+
+    cut = b * (middle + edge) + half(middle) - half(-edge)
+    whole = 2.0 * (half(np.minimum(a, -edge)) + 0.25 * np.pi + half(np.maximum(a, edge)) - half(edge))
+    return cut + np.where(b >= 0.0, whole, 0.0)
+
+
 def area_in_box(positions: np.ndarray, radii: np.ndarray, lower: Any, upper: Any) -> np.ndarray:
-    """Area (n,) of each disc inside a box, m2 (discs across a side by quadrature, error about 1e-4 of the disc)."""
+    """Area (n,) of each disc inside a box, m2."""
     inside, cut = _inside_and_cut(positions, radii, lower, upper)
     area = np.where(inside, np.pi * radii**2, 0.0)
-    x, y, r = positions[cut, 0], positions[cut, 1], radii[cut]
-    from_angle = np.arcsin(np.clip((lower[0] - x) / r, -1.0, 1.0))
-    to_angle = np.arcsin(np.clip((upper[0] - x) / r, -1.0, 1.0))
-    nodes, weights = np.polynomial.legendre.leggauss(48)
-    angle = 0.5 * (from_angle + to_angle) + 0.5 * np.outer(nodes, to_angle - from_angle)
-    half = r * np.cos(angle)
-    chord = np.maximum(np.minimum(y + half, upper[1]) - np.maximum(y - half, lower[1]), 0.0)
-    area[cut] = 0.5 * (to_angle - from_angle) * (weights @ (chord * half))
+    at, r = positions[cut], radii[cut, None]
+    (a, b), (c, d) = (np.clip((side - at) / r, -1.0, 1.0).T for side in (lower, upper))
+    area[cut] = r[:, 0] ** 2 * (_quadrant(c, d) - _quadrant(a, d) - _quadrant(c, b) + _quadrant(a, b))
     return area
 
 
 def volume_in_box(positions: np.ndarray, radii: np.ndarray, lower: Any, upper: Any) -> np.ndarray:
-    """Volume (n,) of each sphere inside a box, m3: areas of slices normal to z, same quadrature (error about 1e-4)."""
+    """Volume (n,) of each sphere inside a box, m3: areas of slices normal to z by quadrature (error below 1e-9 of it).
+
+    The heights where slices begin to reach over sides or edges part the range; ends of a part are approached by sines,
+    in which areas are smooth.
+    """
     inside, cut = _inside_and_cut(positions, radii, lower, upper)
     volume = np.where(inside, 4.0 / 3.0 * np.pi * radii**3, 0.0)
-    z, r = positions[cut, 2], radii[cut]
-    from_angle = np.arcsin(np.clip((lower[2] - z) / r, -1.0, 1.0))
-    to_angle = np.arcsin(np.clip((upper[2] - z) / r, -1.0, 1.0))
-    nodes, weights = np.polynomial.legendre.leggauss(48)
-    for node, weight in zip(nodes, weights):
-        angle = 0.5 * (from_angle + to_angle) + 0.5 * node * (to_angle - from_angle)
-        slice_radius = np.maximum(r * np.cos(angle), 1e-12 * r)
-        slices = area_in_box(positions[cut, :2], slice_radius, lower[:2], upper[:2])
-        volume[cut] += 0.5 * weight * (to_angle - from_angle) * slices * r * np.cos(angle)
+    at, r = positions[cut], radii[cut, None]
+    x, y = (np.column_stack([side[k] - at[:, k] for side in (lower, upper)]) for k in (0, 1))
+    squares = np.hstack([x**2, y**2, (x[:, :, None] ** 2 + y[:, None, :] ** 2).reshape(len(cut), 4)])
+    height = np.sqrt(np.maximum(r**2 - squares, 0.0))
+    low, high = np.maximum(lower[2] - at[:, 2:], -r), np.minimum(upper[2] - at[:, 2:], r)
+    parts = np.sort(np.clip(np.hstack([low, high, height, -height]), low, high), axis=1)
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    for start, end in zip(parts.T[:-1], parts.T[1:]):
+        long = np.flatnonzero(end > start)
+        middle, half = 0.5 * (start + end)[long], 0.5 * (end - start)[long]
+        for angle, weight in zip(0.5 * np.pi * nodes, 0.5 * np.pi * weights):
+            z = middle + half * np.sin(angle)
+            slice_radius = np.sqrt(np.maximum(r[long, 0] ** 2 - z**2, 1e-24 * r[long, 0] ** 2))
+            slices = area_in_box(at[long, :2], slice_radius, lower[:2], upper[:2])
+            volume[cut[long]] += weight * np.cos(angle) * half * slices
     return volume
 
 

@@ -60,6 +60,4 @@ def jammed(
     Returns:
         Positions (n, axes) and radii (n,), m.
     """
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="packing: porosity")
-        return random_dense(bounds, radii, JAMMED[len(bounds[0])], seed, exponent=0.0, periodic=periodic)
+    return random_dense(bounds, radii, JAMMED[len(bounds[0])], seed, exponent=0.0, periodic=periodic, nearest=True)

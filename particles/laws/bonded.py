@@ -54,7 +54,7 @@ class Bonded:
         friction: Coulomb coefficient of unbonded contacts.
         normal_damping, shear_damping: dashpots, N s/m; that of the shear acts in bonds only.
         bending_stiffness, torsion_stiffness: moment of a bond by relative rotation across and about the normal, N m/rad
-            (Potyondy & Cundall 2004, parallel bonds); zero as in Rojek & Onate.
+            (Potyondy & Cundall 2004, parallel bonds); zero as in Rojek & Onate. Unbonded contacts have neither.
         bending_strength, torsion_strength: N m.
 
     Raises:
@@ -128,14 +128,29 @@ class Bonded:
         """Which of k pairs carry a force across a gap (k,): bonds, and what is left of a bond that was made with a gap."""
         return (history["bond"][:, 0] > 0.5) | (overlap + history["offset"][:, 0] > 0.0)
 
-    def stiffness(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray) -> np.ndarray:
-        """Tangent stiffness of normal, sliding (N/m), bending and torsion (N m/rad) of k bonds (k, 4)."""
-        row = [self.normal_stiffness, self.shear_stiffness, self.bending_stiffness, self.torsion_stiffness]
-        return np.tile(np.array(row, dtype=float), (overlap.size, 1))
+    @staticmethod
+    def _of_bonds(overlap: np.ndarray, row: list[float], columns: slice, history: dict[str, np.ndarray] | None) -> np.ndarray:
+        """Constants of k contacts (k, 4); those of `columns` belong to bonds that hold."""
+        found = np.tile(np.array(row, dtype=float), (overlap.size, 1))
+        found[np.ones(overlap.size, dtype=bool) if history is None else history["bond"][:, 0] < 0.5, columns] = 0.0
+        return found
 
-    def damping(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, mass: np.ndarray) -> np.ndarray:
-        """Dashpots of the same (k, 4), N s/m."""
-        return np.tile(np.array([self.normal_damping, self.shear_damping, 0.0, 0.0], dtype=float), (overlap.size, 1))
+    def stiffness(
+        self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, history: dict[str, np.ndarray] | None = None
+    ) -> np.ndarray:
+        """Tangent stiffness of normal, sliding (N/m), bending and torsion (N m/rad) of k contacts (k, 4).
+
+        Bending and torsion are those of bonds that hold; without `history` there are none.
+        """
+        row = [self.normal_stiffness, self.shear_stiffness, self.bending_stiffness, self.torsion_stiffness]
+        return self._of_bonds(overlap, row, slice(2, 4), history)
+
+    def damping(
+        self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, mass: np.ndarray,
+        history: dict[str, np.ndarray] | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """Dashpots of the same (k, 4), N s/m; that of the shear acts in bonds that hold."""
+        return self._of_bonds(overlap, [self.normal_damping, self.shear_damping, 0.0, 0.0], slice(1, 2), history)
 
     def stored(self, overlap: np.ndarray, radii: np.ndarray, history: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Elastic energies of k bonds and contacts by channel (k,), J."""
@@ -151,8 +166,8 @@ class Bonded:
         return found
 
 
-def beam_moment(beam, old, increment, bonded):
-    """Moment of a bond, its energy (J) and whether it is too large; zero where there is no bond."""
+def beam_moment(beam, old, increment):
+    """Moment of a bond, its energy (J) and whether it is too large; zero for a law without beams."""
     if beam is None:
         return scaled(0.0, increment), 0.0, False
     moment = moved(old, beam.stiffness, increment)
@@ -161,9 +176,9 @@ def beam_moment(beam, old, increment, bonded):
 
 
 @overload(beam_moment)
-def _beam_moment(beam, old, increment, bonded):
+def _beam_moment(beam, old, increment):
     if isinstance(beam, types.NoneType):
-        return lambda beam, old, increment, bonded: (scaled(0.0, increment), 0.0, False)
+        return lambda beam, old, increment: (scaled(0.0, increment), 0.0, False)
     return beam_moment
 
 
@@ -206,8 +221,8 @@ def respond_bonded(law, touch, history):
     # as a bond
     trial = moved(old, law.shear_stiffness, touch.slide)
     square = dot(trial, trial)
-    moment, moment_energy, bends = beam_moment(law.bending, carried(touch.turn, old_moment), touch.roll, bonded)
-    torsion, torsion_energy, twists = beam_moment(law.torsion, old_torsion, (touch.twist,), bonded)
+    moment, moment_energy, bends = beam_moment(law.bending, carried(touch.turn, old_moment), touch.roll)
+    torsion, torsion_energy, twists = beam_moment(law.torsion, old_torsion, (touch.twist,))
     tears = law.normal_stiffness * opening > law.tensile_strength
     shears = square > law.shear_strength * law.shear_strength
     holds = bonded and not (tears or shears or bends or twists)
@@ -222,7 +237,7 @@ def respond_bonded(law, touch, history):
     slips = square > limit * limit
     slid = scaled(limit / math.sqrt(square) if slips else 1.0, trial)
     soft = 0.5 / law.shear_stiffness if law.shear_stiffness > 0.0 else 0.0
-    sliding_work = soft * dot(plus(old, slid), minus(trial, slid))
+    sliding_work = max(0.0, soft * dot(plus(old, slid), minus(trial, slid)))
 
     kept = trial if holds else slid
     viscous, viscous_power = dashpot_force(law.shear_damping, touch.slide_rate, 1.0 if holds else 0.0)

@@ -118,7 +118,9 @@ class HertzMindlin:
         rolls = any(law.rolling_friction for law in laws)
         return [("patch", 1.0), *[("sliding", -1.0)] * 3, *[("rolling", -1.0)] * (3 if rolls else 0)]
 
-    def stiffness(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray) -> np.ndarray:
+    def stiffness(
+        self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, history: dict[str, np.ndarray] | None = None
+    ) -> np.ndarray:
         """Tangent stiffness of normal, sliding (N/m), rolling and torsion (N m/rad) of k contacts (k, 4)."""
         modulus, shear = self.moduli
         patch = np.sqrt(np.maximum(overlap, 0.0) / (1.0 / radii[:, 0] + 1.0 / radii[:, 1]))
@@ -126,7 +128,10 @@ class HertzMindlin:
         rolling = self.rolling_stiffness * normal * rolling_radius**2 if self.rolling_friction else 0.0 * normal
         return np.column_stack([normal, 8.0 * shear * patch, rolling, 0.0 * patch])
 
-    def damping(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, mass: np.ndarray) -> np.ndarray:
+    def damping(
+        self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, mass: np.ndarray,
+        history: dict[str, np.ndarray] | None = None,
+    ) -> np.ndarray:  # fmt: skip
         """Dashpots of the same (k, 4), N s/m."""
         stiffness = self.stiffness(overlap, radii, rolling_radius)
         return np.column_stack(

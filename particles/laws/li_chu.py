@@ -128,7 +128,9 @@ class LiChu:
                 found += [(name, sign)] * (3 if space and name != "torsion" else 1)
         return found
 
-    def stiffness(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray) -> np.ndarray:
+    def stiffness(
+        self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, history: dict[str, np.ndarray] | None = None
+    ) -> np.ndarray:
         """Tangent stiffness of normal, sliding (N/m), rolling and torsion (N m/rad) of k sticking contacts (k, 4)."""
         rolling = self.moment_stiffness + (self.length_factor * rolling_radius) ** 2 * self.rolling_stiffness
         one = np.ones_like(overlap)
@@ -136,7 +138,10 @@ class LiChu:
             [self.normal_stiffness * one, self.sliding_stiffness * one, rolling, self.torsion_stiffness * one]
         )
 
-    def damping(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, mass: np.ndarray) -> np.ndarray:
+    def damping(
+        self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, mass: np.ndarray,
+        history: dict[str, np.ndarray] | None = None,
+    ) -> np.ndarray:  # fmt: skip
         """Dashpots of the same (k, 4), N s/m and N m s/rad."""
         rolling = self.moment_damping + (self.length_factor * rolling_radius) ** 2 * self.rolling_damping
         one = np.ones_like(overlap)

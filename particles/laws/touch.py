@@ -97,6 +97,9 @@ class Channel(NamedTuple):
 def limited(channel, old, increment, rate, normal, touching):
     """One channel: trial, return to the limit, dashpot below it (as much of it as the limit allows).
 
+    Friction work is the mean force of the step times the slip. Where a spring turns round and its limit falls below the new
+    force, all in one step, that product lies between -k |increment|^2 / 8 and zero; then nothing is booked.
+
     Args:
         channel: `Channel`, or None for an absent one.
         old: elastic value before the step, carried along.
@@ -122,7 +125,7 @@ def _limited_vector(channel, old, increment, rate, normal, touching):
     slips = size > limit
     new = scaled(limit / size if slips else 1.0, trial)
     total, power = dashpot(channel.damping, new, rate, limit, slips)
-    work = 0.5 * dot(plus(old, new), minus(trial, new)) / channel.stiffness
+    work = max(0.0, 0.5 * dot(plus(old, new), minus(trial, new)) / channel.stiffness)
     lost = 0.5 * dot(old, old) / channel.stiffness
     return new, total, work if touching else 0.0, power, 0.0 if touching else lost
 
@@ -132,7 +135,7 @@ def _limited_number(channel, old, increment, rate, normal, touching):
     trial = old[0] + channel.stiffness * increment[0]
     new = min(max(trial, -limit), limit)
     total, power = dashpot(channel.damping, (new,), rate, limit, new != trial)
-    work = 0.5 * (old[0] + new) * (trial - new) / channel.stiffness
+    work = max(0.0, 0.5 * (old[0] + new) * (trial - new) / channel.stiffness)
     lost = 0.5 * old[0] * old[0] / channel.stiffness
     return (new,), total, work if touching else 0.0, power, 0.0 if touching else lost
 

@@ -114,12 +114,17 @@ class UserLaw:
         """What is remembered."""
         return self._columns
 
-    def stiffness(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray) -> np.ndarray:
+    def stiffness(
+        self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, history: dict[str, np.ndarray] | None = None
+    ) -> np.ndarray:
         """Tangent stiffness of normal, sliding (N/m), rolling and torsion (N m/rad) of k contacts (k, 4)."""
         one = np.ones_like(overlap)
         return np.column_stack([*(one * part for part in self._stiffness(overlap)), 0.0 * one])
 
-    def damping(self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, mass: np.ndarray) -> np.ndarray:
+    def damping(
+        self, overlap: np.ndarray, radii: np.ndarray, rolling_radius: np.ndarray, mass: np.ndarray,
+        history: dict[str, np.ndarray] | None = None,
+    ) -> np.ndarray:  # fmt: skip
         """None known: leave room for the kernel's dashpots in the step."""
         return np.zeros((overlap.size, 4))
 

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from particles.kinematics import tangent_ratio
-from particles.system import INLINE, INNER, KERNEL, OUTER, WALLS
+from particles.system import INLINE, INNER, KERNEL, OUTER, WALLS, Walls
 from particles.vectors import cross, dot, minus, moved, plus, scaled, store
 from particles.walls.rows import (
     ACCELERATION,
@@ -175,6 +175,13 @@ def kinetic(body: np.ndarray) -> float:
     spin = np.einsum("bji,bj->bi", frame, body[:, VELOCITY + 3 : VELOCITY + 6])
     twice = np.sum(velocity[moving] ** 2 / light[moving]) + np.einsum("bi,bij,bj->", spin, inertia, spin)
     return float(0.5 * twice)
+
+
+def lightness_of(walls: Walls) -> np.ndarray:
+    """One over the mass of each wall's body (walls,), 1/kg, as a contact sees it: the largest of all axes; 0 where prescribed."""
+    owner = walls.wall[:, OWNER].astype(np.int64)
+    found: np.ndarray = walls.body[owner, LIGHTNESS : LIGHTNESS + 3].max(axis=1)
+    return found
 
 
 def fresh_body(centre: np.ndarray) -> np.ndarray:

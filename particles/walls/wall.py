@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from particles.walls import shapes
+from particles.walls.history import WallHistory, history_of
 from particles.walls.motion import Free, Servo, fresh_body, kinetic, set_motion
 from particles.walls.rows import (
     ACTION,
@@ -57,6 +58,7 @@ class Wall:
         frictionless: no sliding and no rolling resistance.
         smooth: angle, degrees: of neighbouring faces that meet at less, only the nearest touches a particle, so that a
             drum made of many facets is round; a concave corner gives one contact a face.
+        record: steps of `Assembly.advance` from one row of `history` to the next; 0 for none.
         name: shown in messages.
 
     Raises:
@@ -74,6 +76,7 @@ class Wall:
         law: Any = None,
         frictionless: bool = False,
         smooth: float = 15.0,
+        record: int = 0,
         name: str = "wall",
     ) -> None:
         if not isinstance(shape, Shape):
@@ -81,6 +84,8 @@ class Wall:
         self.shape, self.axes, self.name = shape, shape.axes, name
         self.law, self.frictionless = law, frictionless
         self.taken = False  # by an assembly
+        self._rows: list[np.ndarray] = []
+        self.record = record
         if not 0.0 <= smooth < 90.0:
             raise ValueError(f"smooth={smooth} of {name} must lie in [0, 90) (degrees)")
         if fixed_to is None:
@@ -211,6 +216,22 @@ class Wall:
         """Work done on the particles by the wall's motion, J."""
         return float(self._row[WORK])
 
+    @property
+    def record(self) -> int:
+        """Steps of `Assembly.advance` from one row of `history` to the next, counted from the assignment; 0 for none."""
+        return self._record
+
+    @record.setter
+    def record(self, steps: int) -> None:
+        if int(steps) != steps or steps < 0:
+            raise ValueError(f"record={steps} of {self.name} must be a whole number of steps, or 0 for none")
+        self._record = self.until_record = int(steps)
+
+    @property
+    def history(self) -> WallHistory:
+        """What `record` has written down so far: time, force, moment, position, rotation, work."""
+        return history_of(self._rows, self.reference_point)
+
     # For the assembly --------------------------------------------------------------------------------------------------
 
     @property
@@ -222,6 +243,11 @@ class Wall:
     def owner(self) -> int:
         """Row of the body in the assembly."""
         return int(self._row[OWNER])
+
+    def keep_records(self, rows: np.ndarray, until: int) -> None:
+        """Add rows of the history; the next one follows after `until` steps."""
+        self._rows.append(rows)
+        self.until_record = until
 
     def is_fixed_to(self, other: Wall) -> bool:
         """Whether both are one rigid body."""

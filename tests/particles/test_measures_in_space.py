@@ -33,14 +33,20 @@ class Ball:
 
 
 def test_volumes_of_parts_of_spheres():
-    """Half, quarter, eighth by quadrature; caps of height h, pi h^2 (3 r - h) / 3; a lens of two equal balls."""
+    """Half, quarter, eighth; caps of height h, pi h^2 (3 r - h) / 3; any box from any side; a lens of two equal balls."""
     one, whole = np.zeros((1, 3)), 4 / 3 * np.pi
     for lower, share in (((-2, -2, 0), 2), ((-2, 0, 0), 4), ((0, 0, 0), 8), ((-2, -2, -2), 1)):
-        assert volume_in_box(one, np.ones(1), lower, (2, 2, 2))[0] == pytest.approx(whole / share, rel=1e-4)
+        assert volume_in_box(one, np.ones(1), lower, (2, 2, 2))[0] == pytest.approx(whole / share, rel=1e-13)
     for axis in range(3):
         lower = np.full(3, -2.0)
         lower[axis] = 0.4
-        assert volume_in_box(one, np.ones(1), lower, (2, 2, 2))[0] == pytest.approx(np.pi * 0.36 * 2.4 / 3, rel=1e-3)
+        assert volume_in_box(one, np.ones(1), lower, (2, 2, 2))[0] == pytest.approx(np.pi * 0.36 * 2.4 / 3, rel=1e-13)
+    rng = np.random.default_rng(0)
+    centres, radii, box = rng.uniform(-1.5, 1.5, (300, 3)), rng.uniform(0.2, 1.5, 300), np.array([[-0.9, -0.5, -0.7], [0.6, 0.8, 0.4]])
+    plain = volume_in_box(centres, radii, *box)
+    assert np.sum((plain > 0.0) & (plain < 0.9 * whole * radii**3)) > 150
+    for order in ([1, 2, 0], [2, 0, 1]):
+        np.testing.assert_allclose(volume_in_box(centres[:, order], radii, *box[:, order]), plain, rtol=1e-9, atol=1e-10)
     assert common_volume(1.0, 1.0, 1.0) == pytest.approx(2 * np.pi * 0.25 * 2.5 / 3)
     np.testing.assert_allclose(common_volume([0.0, 0.2, 3.0], 1.0, [0.5, 0.8, 1.0]), [whole / 8, whole * 0.512, 0.0], atol=1e-12)
     # samples of a region against the closed form

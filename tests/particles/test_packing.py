@@ -6,7 +6,7 @@ import pytest
 from meshes import Box, Cylinder, Disc, HalfPlane, Sphere
 from particles import Assembly, LiChu
 from particles.measures import coordination
-from particles.packing import OVERLAP, equilibrium, power_law, random_dense
+from particles.packing import OVERLAP, NotReached, equilibrium, power_law, random_dense
 from tests.particles.scenes import PAPER
 
 BOX = ((0.0, 0.0), (4.0, 2.0))
@@ -130,11 +130,18 @@ def test_own_sizes():
     assert large.mean() == pytest.approx(0.5, abs=0.05)
 
 
-def test_unreachable_porosity_says_what_was_reached():
-    with pytest.warns(UserWarning, match=r"porosity 0\.1\d+ was reached, not 0\.08.*no denser"):
-        random_dense(((0, 0), (1, 1)), porosity=0.08)
-    with pytest.warns(UserWarning, match=r"porosity 0\.\d+ was reached, not 0\.4.*spare no more"):
-        random_dense(((0, 0), (1, 1)), porosity=0.4)
+@pytest.mark.parametrize("porosity, why", [(0.08, "no denser"), (0.4, "can spare no more particles")])
+def test_unreachable_porosity_says_what_was_reached(porosity, why):
+    """One error with what was reached and in how many steps; with `nearest` the same packing comes out."""
+    region = ((0, 0), (1, 1))
+    message = rf"porosity={porosity} could not be reached: 0\.\d+ after \d+ steps of relaxation.*{why}"
+    with pytest.raises(NotReached, match=message) as failure:
+        random_dense(region, porosity=porosity)
+    positions, radii = random_dense(region, porosity=porosity, nearest=True)
+    assert equilibrium(positions, radii, region).porosity == pytest.approx(failure.value.porosity, abs=1e-12)
+    assert 100 < failure.value.steps < 1_000_000
+    again, _ = random_dense(region, porosity=failure.value.porosity)  # what it says can be reached
+    assert len(again) > 0.9 * len(positions)
 
 
 def test_default_sizes_suit_assembly_c():
