@@ -14,7 +14,19 @@ from particles.dispatch import Direct
 from particles.laws.several import Laws
 from particles.motion import Unstable
 from particles.network import rows_of
-from particles.system import RADIUS, SMALLEST_RADIUS, SUMS, TIME, TRAVEL_LIMIT, Held, System, Terms
+from particles.system import (
+    LEAST_SKIN,
+    MASS,
+    RADIUS,
+    SKIN_SCALE,
+    SMALLEST_RADIUS,
+    SUMS,
+    TIME,
+    TRAVEL_LIMIT,
+    Held,
+    System,
+    Terms,
+)
 from particles.walls.history import recorded, recording
 from particles.walls.listing import arranged, driven
 from particles.walls.servo import set_contact_constants
@@ -22,7 +34,8 @@ from particles.walls.wall import Wall
 
 _advance, _stale, _runaway = Direct(motion.advance), Direct(motion.stale), Direct(motion.runaway)
 
-SKIN = 0.12  # default skin as a share of the mean radius
+SKIN, THINNEST = 0.12, 0.01  # skin that is not given, as a share of the mean radius: at first, and later at least
+SKIN_NUMBERS = {2: 10.0, 3: 4.0}  # see `particles.motion.fitting_skin`
 
 
 def _finite(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
@@ -47,7 +60,7 @@ class Assembly:
         radii: (n,) or a number, m.
         density: of the solid, kg/m3; (n,) allowed.
         law: contact law, or a mapping {(a, b): law} for all pairs of material ids a <= b.
-        skin: reach of the neighbour list beyond contact, m (default 0.12 mean radii).
+        skin: reach of the neighbour list beyond contact, m; by default as the particles' speed asks for, anew with each list.
         materials: (n,) material ids 0, 1, ... (with a mapping of laws).
         cell: periodic cell; it belongs to this assembly from now on.
 
@@ -97,33 +110,31 @@ class Assembly:
         self._imposed = 0.0
         self._sorted_at: np.ndarray | None = None
         self._breaks: list[np.ndarray] = []
-        self._system = self._first_system(density)
+        self._system = self._first_system(density, SKIN_NUMBERS[self.axes] * mean if skin is None else 0.0)
         listing.rebuild(self)
         self._refuse_coincident()
         self._imposed = self._mechanical()
 
-    def _first_system(self, density: np.ndarray) -> System:
+    def _first_system(self, density: np.ndarray, skin_scale: float) -> System:
         """Arrays at rest in the reference state, without a list."""
         count, space = self.count, self.axes == 3
         if space:
-            masses = density * 4.0 / 3.0 * np.pi * self._radii**3
-            inertias = 0.4 * masses * self._radii**2
+            self._masses = density * 4.0 / 3.0 * np.pi * self._radii**3
+            self._inertias = 0.4 * self._masses * self._radii**2
         else:
-            masses = density * np.pi * self._radii**2
-            inertias = 0.5 * masses * self._radii**2
+            self._masses = density * np.pi * self._radii**2
+            self._inertias = 0.5 * self._masses * self._radii**2
 
         def rows(wanted: bool = True) -> Any:
             return aligned((count, 4)) if wanted else None
 
         position, lightness, nimbleness = rows(), rows(), rows(space)
         position[:, : self.axes], position[:, RADIUS] = self._reference, self._radii
-        lightness[:, :3], lightness[:, 3] = 1.0 / masses[:, None], 1.0
-        if space:
-            nimbleness[:, :3], nimbleness[:, 3] = 1.0 / inertias[:, None], 1.0
-        else:
-            lightness[:, 2] = 1.0 / inertias
-        clock = np.zeros(4)
+        self._set_lightness(lightness, nimbleness, np.arange(count))
+        clock = np.zeros(7)
         clock[TRAVEL_LIMIT] = 0.5 * self.skin
+        clock[SKIN_SCALE] = skin_scale
+        clock[LEAST_SKIN] = THINNEST / SKIN * self.skin
         clock[SMALLEST_RADIUS] = self._radii.min() if count else 1.0
         none = np.zeros(0, dtype=np.int32)
         return System(
@@ -167,13 +178,12 @@ class Assembly:
     @property
     def masses(self) -> np.ndarray:
         """Masses (n,), kg (in the plane per metre of thickness)."""
-        return 1.0 / self._system.lightness[self._rows, 0]
+        return self._masses.copy()
 
     @property
     def inertias(self) -> np.ndarray:
         """Moments of inertia (n,), kg m2 (in the plane m r^2 / 2 per metre of thickness, in space 2 m r^2 / 5)."""
-        system = self._system
-        return 1.0 / (system.lightness[self._rows, 2] if system.spin is None else system.nimbleness[self._rows, 0])
+        return self._inertias.copy()
 
     @property
     def rows(self) -> np.ndarray:
@@ -239,10 +249,10 @@ class Assembly:
     @velocities.setter
     def velocities(self, values: Any) -> None:
         values = _finite("velocities", values, (self.count, self.freedoms))
-        before = energies.kinetic(self._system)
+        before = energies.kinetic(self)
         self._set_rows("velocity", "spin", values)
         self._primed = None
-        self._imposed += energies.kinetic(self._system) - before
+        self._imposed += energies.kinetic(self) - before
 
     @property
     def accelerations(self) -> np.ndarray:
@@ -294,16 +304,28 @@ class Assembly:
         self._compose_held()
 
     def _compose_held(self) -> None:
+        system = self._system
+        self._set_lightness(system.lightness, system.nimbleness, self._ids)
         if not self._held:
-            self._system = self._system._replace(held=None)
+            self._system = system._replace(held=None)
             return
-        rows = self._rows[list(self._held)]
-        free = np.array(list(self._held.values()))
-        held = Held(rows, free, np.zeros_like(free), np.zeros_like(free))
-        self._system.acceleration[rows, :3] *= free[:, :3]
-        if self._system.angular is not None:
-            self._system.angular[rows, :3] *= free[:, 3:]
-        self._system = self._system._replace(held=held)
+        rows, free = self._rows[list(self._held)], np.array(list(self._held.values()))
+        for values, part in ((system.lightness, free[:, :3]), (system.nimbleness, free[:, 3:])):
+            if values is not None:
+                values[rows, :3] *= part
+        system.acceleration[rows, :3] *= free[:, :3]
+        if system.angular is not None:
+            system.angular[rows, :3] *= free[:, 3:]
+        self._system = system._replace(held=Held(rows, free))
+
+    def _set_lightness(self, lightness: np.ndarray, nimbleness: np.ndarray | None, ids: np.ndarray) -> None:
+        """One over masses and inertias for rows of these ids, all free."""
+        masses, inertias = self._masses[ids], self._inertias[ids]
+        lightness[:, :3], lightness[:, MASS] = 1.0 / masses[:, None], masses
+        if nimbleness is None:
+            lightness[:, 2] = 1.0 / inertias
+        else:
+            nimbleness[:, :3], nimbleness[:, MASS] = 1.0 / inertias[:, None], inertias
 
     def deform(self, velocity_gradient: Any) -> None:
         """Deform the periodic cell at a constant velocity gradient L (axes, axes), 1/s, from now on.
@@ -350,10 +372,13 @@ class Assembly:
         return bonds.make(self, reach, pairs)
 
     def _widen(self, skin: float) -> None:
-        """Make the list reach at least as far as `skin` (m) beyond contact."""
-        if skin > self.skin:
-            self.skin = skin
-            self._system.clock[TRAVEL_LIMIT] = 0.5 * skin
+        """Make the list reach at least as far as `skin` (m) beyond contact from now on."""
+        self._system.clock[LEAST_SKIN] = max(skin, self._system.clock[LEAST_SKIN])
+        self._set_skin(max(skin, self.skin))
+
+    def _set_skin(self, skin: float) -> None:
+        self.skin = skin
+        self._system.clock[TRAVEL_LIMIT] = 0.5 * skin
 
     def _file_breaks(self) -> None:
         """Keep the logged breaks with ids instead of rows (before the rows change their order)."""

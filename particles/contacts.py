@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from numba import njit
 
-from particles.cell import image_in_plane, image_in_space, image_numbers
+from particles.cell import image_in_plane, image_in_space
 from particles.columns import BLOCK, STRIDE, WIDTH, gather, load_column, scatter, store_column
 from particles.kinematics import touch_in_plane, touch_in_space
 from particles.laws.touch import NOTHING, law_at, respond
-from particles.system import BREAKING, CELL_POWER, INLINE, INNER, KERNEL, SPENT, TIME
+from particles.system import BREAKING, CELL_POWER, INLINE, INNER, KERNEL, MASS, MERGED, SPENT, TIME
 from particles.vectors import cross, dot, load, moved, plus, present, scaled, store
 
 # Places in the scratch array: differences of the rows of a pair (j minus i), each followed by what is needed of i alone
 _PLACE, _RADIUS = 0, 4 * STRIDE
 _MOTION = 5 * STRIDE
-_TURN, _LIGHTNESS = 9 * STRIDE, 10 * STRIDE
+_TURN, _REDUCED = 9 * STRIDE, 10 * STRIDE
 _CHANGE, _ANGULAR_OWN = 11 * STRIDE, 15 * STRIDE  # accelerations, where there are dashpots
 _SPIN_MORE, _SPIN = 16 * STRIDE, 20 * STRIDE  # in space
 _ANGULAR_MORE, _ANGULAR = 23 * STRIDE, 27 * STRIDE
@@ -51,11 +51,12 @@ def _gather_pairs(scratch, position, velocity, acceleration, spin, angular, visc
 
 @njit(**KERNEL)
 def _gather_masses(scratch, massive, lightness, first, second, at, count):
-    """One over the reduced mass of each pair, where the law asks for it."""
+    """Reduced mass of each pair, where the law asks for it."""
     if massive is None:
         return
     for c in range(count):
-        scratch[_LIGHTNESS + c] = lightness[first[at + c], 0] + lightness[second[at + c], 0]
+        one, other = lightness[first[at + c], MASS], lightness[second[at + c], MASS]
+        scratch[_REDUCED + c] = one * other / (one + other)
 
 
 @njit(**KERNEL)
@@ -109,7 +110,7 @@ def _in_plane(scratch, q, step, viscous, law, blank, image):
     radius, turn = scratch[_RADIUS + q], scratch[_TURN + q]
     touch = touch_in_plane(
         bx, by, step * (dx + wx), step * (dy + wy), step * turn, step * (turn + more), (rx + wx, ry + wy, rate_i, rate_j),
-        radius, radius + scratch[_PLACE + 3 * STRIDE + q], 1.0 / scratch[_LIGHTNESS + q],
+        radius, radius + scratch[_PLACE + 3 * STRIDE + q], scratch[_REDUCED + q],
     )  # fmt: skip
     response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))
     (nx, ny), shear, couple = touch.normal, response.tangential[0], response.couple[0]
@@ -133,7 +134,7 @@ def _in_space(scratch, q, step, viscous, law, blank, image):
     touch = touch_in_space(
         branch, scaled(step, plus(_triple(scratch, _MOTION + q), drift)), scaled(step, spin),
         scaled(step, plus(spin, _triple(scratch, _SPIN_MORE + q))), plus(rate, drift), rate_i, rate_j,
-        radius, radius + scratch[_PLACE + 3 * STRIDE + q], 1.0 / scratch[_LIGHTNESS + q],
+        radius, radius + scratch[_PLACE + 3 * STRIDE + q], scratch[_REDUCED + q],
     )  # fmt: skip
     response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))
     arm = 0.5 * (touch.distance + touch.radii[0] - touch.radii[1])
@@ -209,42 +210,47 @@ def _log_breaks(breaks, scratch, history, sums, position, time, space, first, se
         scratch[_SPENT + BREAKING * STRIDE + c] = 0.0
 
 
-@njit(**INLINE)
-def pair_forces(system, terms, step):
-    """Add the contact forces of all listed pairs to the rows' forces; histories and energy sums follow.
+@njit(**MERGED)
+def start_pairs(system):
+    """Before the first batch of an evaluation."""
+    for place in range(_IMAGE, _HISTORY):
+        system.scratch[place] = 0.0
+
+
+@njit(**MERGED)
+def pair_batch(system, terms, step, image, at, count):
+    """Add the contact forces of `count` pairs from `at` on to the rows' forces; histories follow, energies go to scratch.
 
     Increments come from the displacement of the step, h v of the half step, so that a rigid motion of any size causes
     none; dashpots use the predictor v + h a / 2. Contact is overlap > 0: the force is continuous there, so that pairs
     which just touch carry nothing, whatever the rounding.
     """
-    scratch, history = system.scratch, system.history
-    first, second = system.first, system.second
-    pairs = system.start[system.position.shape[0]]
-    image = image_numbers(system.cell)
-    scratch[_IMAGE:_HISTORY] = 0.0
-    for at in range(0, pairs, WIDTH):
-        count = min(WIDTH, pairs - at)
-        _gather_pairs(
-            scratch, system.position, system.velocity, system.acceleration, system.spin, system.angular, terms.viscous, first,
-            second, at, count,
-        )  # fmt: skip
-        _gather_masses(scratch, terms.massive, system.lightness, first, second, at, count)
-        _gather_numbers(scratch, terms.table, system.material, first, second, at, count)
-        for k in range(history.shape[0]):
-            load_column(scratch, _HISTORY + k * STRIDE, history, k, at)
-        _respond_all(
-            scratch, count, step, present(system.spin), terms.viscous, terms.law, terms.table, terms.blank,
-            image,
-        )
-        _log_breaks(
-            system.breaks, scratch, history, system.sums, system.position, system.clock[TIME], present(system.spin), first,
-            second, at, count,
-        )  # fmt: skip
-        for k in range(history.shape[0]):
-            store_column(scratch, _HISTORY + k * STRIDE, history, k, at)
-        _scatter_pairs(scratch, system.force, system.torque, first, second, at, count)
+    scratch, history, first, second = system.scratch, system.history, system.first, system.second
+    _gather_pairs(
+        scratch, system.position, system.velocity, system.acceleration, system.spin, system.angular, terms.viscous, first,
+        second, at, count,
+    )  # fmt: skip
+    _gather_masses(scratch, terms.massive, system.lightness, first, second, at, count)
+    _gather_numbers(scratch, terms.table, system.material, first, second, at, count)
+    for k in range(history.shape[0]):
+        load_column(scratch, _HISTORY + k * STRIDE, history, k, at)
+    _respond_all(
+        scratch, count, step, present(system.spin), terms.viscous, terms.law, terms.table, terms.blank, image
+    )  # fmt: skip
+    _log_breaks(
+        system.breaks, scratch, history, system.sums, system.position, system.clock[TIME], present(system.spin), first,
+        second, at, count,
+    )  # fmt: skip
+    for k in range(history.shape[0]):
+        store_column(scratch, _HISTORY + k * STRIDE, history, k, at)
+    _scatter_pairs(scratch, system.force, system.torque, first, second, at, count)
+
+
+@njit(**MERGED)
+def end_pairs(system):
+    """After the last batch: book the energies."""
     for k in range(SPENT):
         for c in range(WIDTH):
-            system.sums[k] += scratch[_SPENT + k * STRIDE + c]
+            system.sums[k] += system.scratch[_SPENT + k * STRIDE + c]
     for c in range(WIDTH):
-        system.sums[CELL_POWER] += scratch[_IMAGE + c]
+        system.sums[CELL_POWER] += system.scratch[_IMAGE + c]

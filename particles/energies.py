@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from particles import system as entries
 from particles.network import contacts
 from particles.network import stored as stored_in
@@ -34,12 +32,14 @@ _WORKS = {
 }
 
 
-def kinetic(system: entries.System) -> float:
-    """Kinetic energy of all rows, J."""
-    total = np.sum(system.velocity[:, :3] ** 2 / system.lightness[:, :3])
-    if system.spin is not None:
-        total += np.sum(system.spin[:, :3] ** 2 / system.nimbleness[:, :3])
-    return float(0.5 * total)
+def kinetic(soil: Assembly) -> float:
+    """Kinetic energy of all particles, J."""
+    system = soil._system
+    masses, inertias = soil._masses[soil._ids], soil._inertias[soil._ids]
+    square = system.velocity[:, :3] ** 2
+    if system.spin is None:
+        return float(0.5 * (masses @ (square[:, 0] + square[:, 1]) + inertias @ square[:, 2]))
+    return float(0.5 * (masses @ square.sum(axis=1) + inertias @ (system.spin[:, :3] ** 2).sum(axis=1)))
 
 
 def stored(soil: Assembly) -> dict[str, float]:
@@ -47,7 +47,7 @@ def stored(soil: Assembly) -> dict[str, float]:
     elastic = stored_in(soil, contacts(soil, with_walls=True))
     walls = soil._system.walls
     return {
-        "kinetic": kinetic(soil._system), **{f"elastic_{name}": energy for name, energy in elastic.items()},
+        "kinetic": kinetic(soil), **{f"elastic_{name}": energy for name, energy in elastic.items()},
         "kinetic_walls": 0.0 if walls is None else motion.kinetic(walls.body),
     }  # fmt: skip
 

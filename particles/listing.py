@@ -9,14 +9,15 @@ import numpy as np
 from particles import neighbours
 from particles.cell import PeriodicCell, reduce_tilt
 from particles.columns import aligned
-from particles.motion import Unstable
-from particles.system import RADIUS, TRAVEL
+from particles.motion import Unstable, fitting_skin
+from particles.system import AGE, LEAST_SKIN, RADIUS, TRAVEL
 from particles.walls.listing import listed
 from particles.walls.servo import set_contact_constants
 
 if TYPE_CHECKING:
     from particles.assembly import Assembly
 
+WIDEST = 0.3  # widest skin that is chosen here, as a share of the largest radius
 _ROWS = (
     "position", "velocity", "acceleration", "force", "lightness", "rotation", "spin", "angular", "torque", "nimbleness",
 )  # fmt: skip
@@ -33,6 +34,7 @@ def rebuild(soil: Assembly) -> None:
     if row >= 0:
         raise Unstable(f"particle {soil._ids[row]} has no finite position or velocity at t={soil.time:g} s")
     largest = soil._largest_radius
+    _fit_skin(soil)
     width = 2.0 * largest + soil.skin
     if soil.cell is not None:
         reduce_tilt(soil.cell)
@@ -54,7 +56,7 @@ def rebuild(soil: Assembly) -> None:
     changed.update(start=start, first=first, second=second, history=history, listed=position[:, :axes].copy())
     if system.walls is not None:
         changed["walls"] = listed(system.walls, position, axes, soil.skin, old_row_of, grid)
-    system.clock[TRAVEL] = 0.0
+    system.clock[TRAVEL] = system.clock[AGE] = 0.0
     if system.cell is not None:
         system.cell.listed[:] = system.cell.matrix
     soil._system = system._replace(**changed)
@@ -62,6 +64,19 @@ def rebuild(soil: Assembly) -> None:
     set_contact_constants(soil)
     if soil._held:
         soil._compose_held()
+
+
+def _fit_skin(soil: Assembly) -> None:
+    """Choose the skin anew where the caller gave none, if anything has moved since the last list."""
+    clock, largest = soil._system.clock, soil._largest_radius
+    fit = fitting_skin(clock)
+    if not np.isfinite(fit):
+        return
+    skin = max(clock[LEAST_SKIN], min(fit, WIDEST * largest))
+    if soil.cell is not None:  # which must be at least three cells of the search wide
+        widths = [neighbours.cell_width(soil.cell.arrays, int(k)) for k in np.flatnonzero(soil.cell.periodic)]
+        skin = min(skin, max(clock[LEAST_SKIN], min(widths) / 3.0 - 2.0 * largest))
+    soil._set_skin(skin)
 
 
 def _listed(soil: Assembly, position: np.ndarray, width: float, old_row_of: np.ndarray) -> tuple[Any, ...]:

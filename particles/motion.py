@@ -18,23 +18,29 @@ import math
 import numpy as np
 from numba import njit
 
-from particles.cell import move_cell
-from particles.contacts import pair_forces
+from particles.cell import image_numbers, move_cell
+from particles.columns import WIDTH
+from particles.contacts import end_pairs, pair_batch, start_pairs
 from particles.neighbours import travelled
 from particles.system import (
+    AGE,
     CELL,
     CELL_POWER,
     EXTERNAL,
     GRAVITY,
     HELD,
+    INLINE,
     INNER,
     KERNEL,
+    LEAST_SKIN,
     LOCAL_DAMPING,
+    MASS,
     MASS_DAMPING,
     MERGED,
     MERGED_STEPS,
     POWER,
     RADIUS,
+    SKIN_SCALE,
     SMALLEST_RADIUS,
     STEADY,
     STEPS,
@@ -51,6 +57,7 @@ from particles.walls.motion import end_walls, move_walls, walls_travel
 FINISHED, STALE, UNSTABLE = 0, 1, 2
 CHECK_INTERVAL = 32  # steps between two looks for blow-up
 BLOCK = 256  # rows whose motion is advanced at a time, so that they stay in the fastest cache
+LEVEL = {**INLINE, "fastmath": STEADY}
 SMOOTH = {**INNER, "fastmath": STEADY | {"reassoc"}, "error_model": "numpy"}  # sums may be taken in any order
 
 
@@ -61,18 +68,31 @@ class Unstable(RuntimeError):
 # ------------------------------------------------------------------- motion of a block of rows, as flat lists of numbers
 
 
+@njit(**LEVEL)
+def _speed(velocity, flow, lightness, e):
+    """Velocity beyond that of a deforming cell (`flow`, None without one), which is what is damped; 0 where held."""
+    if flow is not None:
+        return velocity[e] - flow[e] if lightness[e] > 0.0 else 0.0
+    return velocity[e] if lightness[e] > 0.0 else 0.0
+
+
+@njit(**LEVEL)
+def _pull(force, lightness, e):
+    """Force on a free component."""
+    return force[e] if lightness[e] > 0.0 else 0.0
+
+
+@njit(**LEVEL)
+def _mass(lightness, e):
+    """Mass or inertia of a free component."""
+    return 1.0 / lightness[e] if lightness[e] > 0.0 else 0.0
+
+
 @njit(**SMOOTH)
 def _accelerate(acceleration, force, lightness, velocity, flow, mass_damping, local_damping, step):
-    """Acceleration with damping (M9: mass damping at the end of the step; local damping against the velocity).
-
-    Here and below `flow` is the velocity of the deforming cell at each place, None without one: what is damped, and what that
-    takes, is the velocity beyond it.
-    """
+    """Acceleration with damping (M9: mass damping at the end of the step; local damping against the velocity)."""
     for e in range(acceleration.size):
-        total = force[e]
-        speed = velocity[e]
-        if flow is not None:
-            speed -= flow[e]
+        total, speed = force[e], _speed(velocity, flow, lightness, e)
         if local_damping is not None:
             total -= local_damping * abs(total) * np.sign(speed)
         total *= lightness[e]
@@ -89,31 +109,29 @@ def _resist(acceleration, force, lightness, velocity, flow, vector, turning, mas
     """
     share = 1.0 if mass_damping is None else 1.0 / (1.0 + 0.5 * mass_damping * step)
     for e in range(0, velocity.size, 4):
-        fx, fy, fz = force[e], force[e + 1], force[e + 2]
-        vx, vy, vz = velocity[e], velocity[e + 1], velocity[e + 2]
-        if flow is not None:
-            vx, vy, vz = vx - flow[e], vy - flow[e + 1], vz - flow[e + 2]
+        fx, fy, fz = _pull(force, lightness, e), _pull(force, lightness, e + 1), _pull(force, lightness, e + 2)
+        vx, vy = _speed(velocity, flow, lightness, e), _speed(velocity, flow, lightness, e + 1)
+        vz = _speed(velocity, flow, lightness, e + 2)
         if plane is not None:
             acceleration[e + 2] -= turning * abs(fz) * np.sign(vz) * lightness[e + 2] * share
             fz = vz = 0.0
         speed = math.sqrt(vx * vx + vy * vy + vz * vz)
         if speed > 0.0:
-            size = vector * math.sqrt(fx * fx + fy * fy + fz * fz) / speed * lightness[e] * share
-            acceleration[e] -= size * vx
-            acceleration[e + 1] -= size * vy
+            size = vector * math.sqrt(fx * fx + fy * fy + fz * fz) / speed * share
+            acceleration[e] -= size * vx * lightness[e]
+            acceleration[e + 1] -= size * vy * lightness[e + 1]
             if plane is None:
-                acceleration[e + 2] -= size * vz
+                acceleration[e + 2] -= size * vz * lightness[e + 2]
 
 
 @njit(**SMOOTH)
-def _vector_loss(velocity, flow, acceleration, force, half, vector, turning, plane):
+def _vector_loss(velocity, flow, acceleration, force, lightness, half, vector, turning, plane):
     """Sum of alpha |F| (v / |v|) . w: v before the level, w the mean velocity around it."""
     total = 0.0
     for e in range(0, velocity.size, 4):
-        fx, fy, fz = force[e], force[e + 1], force[e + 2]
-        vx, vy, vz = velocity[e], velocity[e + 1], velocity[e + 2]
-        if flow is not None:
-            vx, vy, vz = vx - flow[e], vy - flow[e + 1], vz - flow[e + 2]
+        fx, fy, fz = _pull(force, lightness, e), _pull(force, lightness, e + 1), _pull(force, lightness, e + 2)
+        vx, vy = _speed(velocity, flow, lightness, e), _speed(velocity, flow, lightness, e + 1)
+        vz = _speed(velocity, flow, lightness, e + 2)
         ax, ay, az = acceleration[e], acceleration[e + 1], acceleration[e + 2]
         if plane is not None:
             total += turning * abs(fz) * np.sign(vz) * (vz + half * az)
@@ -130,11 +148,9 @@ def _mass_loss(velocity, flow, acceleration, lightness, half, move):
     """Sum of v M w: v at the level `half` after `velocity`, w the mean velocity around it (`velocity` at an end)."""
     total = 0.0
     for e in range(velocity.size):
-        speed = velocity[e]
-        if flow is not None:
-            speed -= flow[e]
+        speed = _speed(velocity, flow, lightness, e)
         level = speed + half * acceleration[e]
-        total += level * (level if move == 1 else speed) / lightness[e]
+        total += level * (level if move == 1 else speed) * _mass(lightness, e)
     return total
 
 
@@ -143,21 +159,17 @@ def _start_loss(velocity, flow, acceleration, lightness, half):
     """The same at the start of a run: v is `velocity`, w that of the half step that follows."""
     total = 0.0
     for e in range(velocity.size):
-        speed = velocity[e]
-        if flow is not None:
-            speed -= flow[e]
-        total += speed * (speed + half * acceleration[e]) / lightness[e]
+        speed = _speed(velocity, flow, lightness, e)
+        total += speed * (speed + half * acceleration[e]) * _mass(lightness, e)
     return total
 
 
 @njit(**SMOOTH)
-def _local_loss(velocity, flow, acceleration, force, half):
+def _local_loss(velocity, flow, acceleration, force, lightness, half):
     """Sum of |F| sgn(v) w: v before the level, w the mean velocity around it."""
     total = 0.0
     for e in range(velocity.size):
-        speed = velocity[e]
-        if flow is not None:
-            speed -= flow[e]
+        speed = _speed(velocity, flow, lightness, e)
         total += abs(force[e]) * np.sign(speed) * (speed + half * acceleration[e])
     return total
 
@@ -168,19 +180,15 @@ def _carrying_power(flow, acceleration, force, lightness):
     total = 0.0
     if flow is not None:
         for e in range(force.size):
-            total += flow[e] * (acceleration[e] / lightness[e] - force[e])
+            total += flow[e] * (acceleration[e] * _mass(lightness, e) - _pull(force, lightness, e))
     return total
 
 
 @njit(**INNER)
-def _set_flow(flow, position, cell, held, space):
-    """Write the velocity of a deforming cell at the present places into `flow`, zero where components are held."""
+def _set_flow(flow, position, cell, space):
+    """Write the velocity of a deforming cell at the present places into `flow`."""
     if flow is not None:
         _flow_at(flow, position, cell.gradient, cell.anchor, space)
-        if held is not None:
-            for k in range(held.row.size):
-                for c in range(3):
-                    flow[held.row[k], c] *= held.free[k, c]
 
 
 @njit(**INNER)
@@ -230,9 +238,9 @@ def _drift_rows(
     if mass_damping is not None:
         sums[MASS_DAMPING] += half * mass_damping * _start_loss(velocity, flow, acceleration, lightness, half)
     if local_damping is not None:
-        sums[LOCAL_DAMPING] += half * local_damping * _local_loss(velocity, flow, acceleration, force, half)
+        sums[LOCAL_DAMPING] += half * local_damping * _local_loss(velocity, flow, acceleration, force, lightness, half)
     if vector is not None:
-        sums[LOCAL_DAMPING] += half * _vector_loss(velocity, flow, acceleration, force, half, vector, turning, plane)
+        sums[LOCAL_DAMPING] += half * _vector_loss(velocity, flow, acceleration, force, lightness, half, vector, turning, plane)
     if mass_damping is not None or local_damping is not None or vector is not None:
         sums[CELL] += half * _carrying_power(flow, acceleration, force, lightness)
     _add(velocity, half, acceleration)
@@ -253,9 +261,11 @@ def _kick_rows(
     if mass_damping is not None:
         sums[MASS_DAMPING] += onward * mass_damping * _mass_loss(velocity, flow, acceleration, lightness, half, move)
     if local_damping is not None:
-        sums[LOCAL_DAMPING] += onward * local_damping * _local_loss(velocity, flow, acceleration, force, move * half)
+        sums[LOCAL_DAMPING] += onward * local_damping * _local_loss(velocity, flow, acceleration, force, lightness, move * half)
     if vector is not None:
-        sums[LOCAL_DAMPING] += onward * _vector_loss(velocity, flow, acceleration, force, move * half, vector, turning, plane)
+        sums[LOCAL_DAMPING] += onward * _vector_loss(
+            velocity, flow, acceleration, force, lightness, move * half, vector, turning, plane
+        )
     if mass_damping is not None or local_damping is not None or vector is not None:
         sums[CELL] += onward * _carrying_power(flow, acceleration, force, lightness)
     _add(velocity, onward, acceleration)
@@ -267,7 +277,7 @@ def _kick_rows(
 def _drift(system, spin, terms, step):
     fastest = 0.0
     count = system.position.shape[0]
-    _set_flow(system.flow, system.position, system.cell, system.held, system.spin)
+    _set_flow(system.flow, system.position, system.cell, system.spin)
     for a in range(0, count, BLOCK):
         b = min(a + BLOCK, count)
         _drift_rows(
@@ -289,26 +299,30 @@ def _drift(system, spin, terms, step):
 
 
 @njit(**MERGED)
-def _kick(system, spin, terms, step, move):
+def _kick_block(system, spin, terms, step, move, a, b):
+    """Kick rows a to b, and drift with `move` = 1; their largest speed squared."""
+    _kick_rows(
+        _part(system.position, a, b), _part(system.velocity, a, b), _part(system.flow, a, b),
+        _part(system.acceleration, a, b), _part(system.force, a, b), _part(system.lightness, a, b),
+        system.sums, terms.mass_damping, terms.local_damping, terms.vector_damping, terms.spin_damping,
+        in_plane(system.spin), step, move,
+    )  # fmt: skip
+    if spin is not None:
+        _kick_rows(
+            _part(system.rotation, a, b), _part(system.spin, a, b), None,
+            _part(system.angular, a, b), _part(system.torque, a, b), _part(system.nimbleness, a, b),
+            system.sums, terms.mass_damping, terms.local_damping, terms.spin_damping, terms.spin_damping, None, step, move,
+        )  # fmt: skip
+    return _fastest(system.velocity[a:b], in_plane(system.spin))
+
+
+@njit(**MERGED)
+def _kick(system, terms, step, move):
     fastest = 0.0
     count = system.position.shape[0]
-    _set_flow(system.flow, system.position, system.cell, system.held, system.spin)
+    _set_flow(system.flow, system.position, system.cell, system.spin)
     for a in range(0, count, BLOCK):
-        b = min(a + BLOCK, count)
-        _kick_rows(
-            _part(system.position, a, b), _part(system.velocity, a, b), _part(system.flow, a, b),
-            _part(system.acceleration, a, b), _part(system.force, a, b),
-            _part(system.lightness, a, b),
-            system.sums, terms.mass_damping, terms.local_damping, terms.vector_damping, terms.spin_damping,
-            in_plane(system.spin), step, move,
-        )  # fmt: skip
-        if spin is not None:
-            _kick_rows(
-                _part(system.rotation, a, b), _part(system.spin, a, b), None,
-                _part(system.angular, a, b), _part(system.torque, a, b), _part(system.nimbleness, a, b),
-                system.sums, terms.mass_damping, terms.local_damping, terms.spin_damping, terms.spin_damping, None, step, move,
-            )  # fmt: skip
-        fastest = max(fastest, _fastest(system.velocity[a:b], in_plane(system.spin)))
+        fastest = max(fastest, _kick_block(system, system.spin, terms, step, move, a, min(a + BLOCK, count)))
     if move == 1:
         _load_work(system.sums, system.velocity, system.spin, system.lightness, terms.gravity, system.external, step)
     return fastest
@@ -323,7 +337,7 @@ def _load_work(sums, velocity, spin, lightness, gravity, external, step):
             along = gravity[0] * velocity[i, 0] + gravity[1] * velocity[i, 1]
             if spin is not None:
                 along += gravity[2] * velocity[i, 2]
-            power += along / lightness[i, 0]
+            power += along * lightness[i, MASS]
         sums[GRAVITY] += step * power
     if external is not None:
         power = 0.0
@@ -335,61 +349,23 @@ def _load_work(sums, velocity, spin, lightness, gravity, external, step):
         sums[EXTERNAL] += step * power
 
 
-# -------------------------------------------------------------------------------------------------- held components
-
-
 @njit(**INNER)
-def _suspend_rows(held, velocity, force, first):
-    for k in range(held.row.size):
-        i = held.row[k]
-        for c in range(3):
-            held.velocity[k, first + c] = velocity[i, c]
-            held.force[k, first + c] = force[i, c]
-            velocity[i, c] *= held.free[k, first + c]
-            force[i, c] *= held.free[k, first + c]
-
-
-@njit(**INNER)
-def _restore_rows(held, place, velocity, acceleration, force, first, sums, weight, step):
-    for k in range(held.row.size):
-        i = held.row[k]
-        for c in range(3):
-            f = first + c
-            force[i, c] = held.force[k, f]
-            if held.free[k, f] == 0.0:
-                velocity[i, c] = held.velocity[k, f]
-                place[i, c] += step * held.velocity[k, f]
-                acceleration[i, c] = 0.0
-                sums[HELD] -= weight * held.force[k, f] * held.velocity[k, f]
-
-
-@njit(**MERGED)
-def _suspend(held, spin, system):
-    """Take held components out of a loop over all rows: no velocity, no force."""
-    if held is not None:
-        _suspend_rows(held, system.velocity, system.force, 0)
-        if spin is not None:
-            _suspend_rows(held, system.spin, system.torque, 3)
-
-
-@njit(**MERGED)
-def _restore(held, spin, system, weight, step):
-    """Give held components their velocity back and move them by `step` s; largest speed squared among them."""
-    fastest = 0.0
-    if held is not None:
-        _restore_rows(
-            held, system.position, system.velocity, system.acceleration, system.force, 0, system.sums,
-            weight, step,
-        )  # fmt: skip
-        if spin is not None:
-            _restore_rows(
-                held, system.rotation, system.spin, system.angular, system.torque, 3, system.sums,
-                weight, step,
-            )  # fmt: skip
+def _holders_power(held, velocity, force, first):
+    power = 0.0
+    if held is not None and velocity is not None:
         for k in range(held.row.size):
-            i = held.row[k]
-            fastest = max(fastest, _fastest(system.velocity[i : i + 1], in_plane(system.spin)))
-    return fastest
+            for c in range(3):
+                if held.free[k, first + c] == 0.0:
+                    power -= force[held.row[k], c] * velocity[held.row[k], c]
+    return power
+
+
+@njit(**MERGED)
+def _book_held(system, weight):
+    """Work of what holds components over a time `weight` (s), against the forces on them."""
+    power = _holders_power(system.held, system.velocity, system.force, 0)
+    power += _holders_power(system.held, system.spin, system.torque, 3)
+    system.sums[HELD] += weight * power
 
 
 # ----------------------------------------------------------------------------------------------------- building blocks
@@ -398,32 +374,30 @@ def _restore(held, spin, system, weight, step):
 @njit(**MERGED)
 def drift(system, terms, step):
     """First half kick and drift: velocities to the middle of the step, positions and walls to its end."""
-    _suspend(system.held, system.spin, system)
     _arrive(system, _drift(system, system.spin, terms, step), step, 0.5 * step)
 
 
 @njit(**MERGED)
 def kick_drift(system, terms, step):
     """After `evaluate`: accelerations, velocities on to the middle of the next step, positions and walls to its end."""
-    _suspend(system.held, system.spin, system)
-    _arrive(system, _kick(system, system.spin, terms, step, 1), step, step)
+    _arrive(system, _kick(system, terms, step, 1), step, step)
 
 
 @njit(**MERGED)
 def _arrive(system, fastest, step, weight):
-    held = _restore(system.held, system.spin, system, weight, step)
+    _book_held(system, weight)
     walls = move_walls(system.walls, step, weight)
     move_cell(system.cell, step)
-    system.clock[TRAVEL] += step * max(math.sqrt(max(fastest, held)), walls)
+    system.clock[TRAVEL] += step * max(math.sqrt(fastest), walls)
     system.clock[TIME] += step
+    system.clock[AGE] += 1.0
 
 
 @njit(**MERGED_STEPS)
 def kick(system, terms, step):
     """After the last `evaluate`: accelerations, velocities to the end of the step. With step = 0: accelerations only."""
-    _suspend(system.held, system.spin, system)
-    _kick(system, system.spin, terms, step, 0)
-    _restore(system.held, system.spin, system, 0.5 * step, 0.0)
+    _kick(system, terms, step, 0)
+    _book_held(system, 0.5 * step)
     end_walls(system.walls, 0.5 * step)
 
 
@@ -435,10 +409,10 @@ def _load(force, torque, lightness, gravity, external):
         torque[:] = 0.0
     if gravity is not None:
         for i in range(force.shape[0]):
-            force[i, 0] = gravity[0] / lightness[i, 0]
-            force[i, 1] = gravity[1] / lightness[i, 0]
+            force[i, 0] = gravity[0] * lightness[i, MASS]
+            force[i, 1] = gravity[1] * lightness[i, MASS]
             if torque is not None:
-                force[i, 2] = gravity[2] / lightness[i, 0]
+                force[i, 2] = gravity[2] * lightness[i, MASS]
     if external is not None:
         for i in range(force.shape[0]):
             for c in range(3):
@@ -447,20 +421,70 @@ def _load(force, torque, lightness, gravity, external):
                     torque[i, c] += external[i, 3 + c]
 
 
+@njit(**MERGED)
+def _before_pairs(system, terms, step):
+    """Loads and walls; the powers of the last evaluation."""
+    sums = system.sums
+    powers = sums[POWER], sums[CELL_POWER]
+    sums[POWER] = sums[CELL_POWER] = 0.0
+    _load(system.force, system.torque, system.lightness, terms.gravity, system.external)
+    wall_forces(system, terms, step)
+    start_pairs(system)
+    return powers
+
+
+@njit(**MERGED)
+def _after_pairs(system, powers, step):
+    """Book what dashpots and the cell did over the step just moved (trapezoidal)."""
+    sums = system.sums
+    end_pairs(system)
+    sums[VISCOUS] += 0.5 * step * (powers[0] + sums[POWER])
+    sums[CELL] += 0.5 * step * (powers[1] + sums[CELL_POWER])
+
+
 @njit(**MERGED_STEPS)
 def evaluate(system, terms, step):
-    """Forces (loads, pair contacts, walls) at the present positions; histories advance by the step just moved.
+    """Forces (loads, walls, pair contacts) at the present positions; histories advance by the step just moved.
 
     Row velocities must be those of the middle of the step (step times velocity = displacement since the last evaluation).
     """
-    sums = system.sums
-    power, cell_power = sums[POWER], sums[CELL_POWER]
-    sums[POWER] = sums[CELL_POWER] = 0.0
-    _load(system.force, system.torque, system.lightness, terms.gravity, system.external)
-    pair_forces(system, terms, step)
-    wall_forces(system, terms, step)
-    sums[VISCOUS] += 0.5 * step * (power + sums[POWER])
-    sums[CELL] += 0.5 * step * (cell_power + sums[CELL_POWER])
+    powers = _before_pairs(system, terms, step)
+    pairs, image = system.start[system.position.shape[0]], image_numbers(system.cell)
+    for at in range(0, pairs, WIDTH):
+        pair_batch(system, terms, step, image, at, min(WIDTH, pairs - at))
+    _after_pairs(system, powers, step)
+
+
+@njit(**MERGED)
+def _evaluate_and_kick(system, terms, step, move):
+    """`evaluate`, then `kick` or (`move` = 1) `kick_drift`, each block of rows at once when its last pair is done.
+
+    Pairs go by their first row and have the larger one second, so that nothing needs a row again after its own pairs. Most of
+    the rows are still in the cache then: memory is gone through once a step, not twice.
+    """
+    powers = _before_pairs(system, terms, step)
+    record_walls(system.records, system.walls, system.clock[TIME])
+    _set_flow(system.flow, system.position, system.cell, system.spin)
+    count = system.position.shape[0]
+    pairs, image = system.start[count], image_numbers(system.cell)
+    at, ready, done, fastest = 0, 0, 0, 0.0
+    while done < count:
+        if at < pairs:
+            pair_batch(system, terms, step, image, at, min(WIDTH, pairs - at))
+            at += WIDTH
+        while ready < count and system.start[ready + 1] <= at:
+            ready += 1
+        while ready - done >= BLOCK or (ready == count and done < count):
+            to = min(done + BLOCK, ready)
+            fastest = max(fastest, _kick_block(system, system.spin, terms, step, move, done, to))
+            done = to
+    _after_pairs(system, powers, step)
+    if move == 1:
+        _load_work(system.sums, system.velocity, system.spin, system.lightness, terms.gravity, system.external, step)
+        _arrive(system, fastest, step, step)
+    else:
+        _book_held(system, 0.5 * step)
+        end_walls(system.walls, 0.5 * step)
 
 
 @njit(**MERGED)
@@ -473,13 +497,30 @@ def moved(system, distance):
 def stale(system):
     """Whether the list must be rebuilt before the next `evaluate`: something moved by more than half the skin.
 
-    The sum of largest speeds is looked at first, the true displacements only when that sum exceeds the limit.
+    The sum of largest speeds is looked at first, the true displacements only when that sum exceeds the limit. A list that
+    turns out, some steps on, to reach much farther than is needed is done with as well (see `fitting_skin`).
     """
     clock = system.clock
     if clock[TRAVEL] <= clock[TRAVEL_LIMIT]:
-        return False
+        age = clock[AGE]
+        if age != 32.0 and age != 512.0:
+            return False
+        return fitting_skin(clock) < clock[TRAVEL_LIMIT]  # half of the present one
     clock[TRAVEL] = max(travelled(system.position, system.listed, system.cell), walls_travel(system.walls))
     return not clock[TRAVEL] <= clock[TRAVEL_LIMIT]
+
+
+@njit(**STEPS)
+def fitting_skin(clock):
+    """Skin (m) with which lists and pairs in a gap together cost least, at the speed since the list was built.
+
+    With the way v of the fastest particle in a step a list lasts s / 2v steps; it costs as much as some 15 steps of a pair for
+    each particle, and a wider skin s brings a few pairs more for each mean radius of s: the sum is least for s^2 = (number) v
+    times the radius, the number being about 10 in the plane and 4 in space. At rest, and with a skin of the caller: infinite.
+    """
+    if clock[SKIN_SCALE] == 0.0 or clock[TRAVEL] == 0.0 or clock[AGE] == 0.0:
+        return np.inf
+    return max(clock[LEAST_SKIN], math.sqrt(clock[SKIN_SCALE] * clock[TRAVEL] / clock[AGE]))
 
 
 @njit(**STEPS)
@@ -516,12 +557,9 @@ def advance(system, terms, steps, step, resume):
     while True:
         if stale(system):
             return done, STALE
-        evaluate(system, terms, step)
-        record_walls(system.records, system.walls, system.clock[TIME])
         done += 1
-        if done == steps:
-            kick(system, terms, step)
-            return done, UNSTABLE if runaway(system, step) >= 0 else FINISHED
-        if done % CHECK_INTERVAL == 0 and runaway(system, step) >= 0:
+        _evaluate_and_kick(system, terms, step, 0 if done == steps else 1)
+        if (done == steps or done % CHECK_INTERVAL == 0) and runaway(system, step) >= 0:
             return done, UNSTABLE
-        kick_drift(system, terms, step)
+        if done == steps:
+            return done, FINISHED

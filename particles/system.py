@@ -29,6 +29,7 @@ MERGED = {**INNER, "forceinline": True}  # parts of a step that take the whole s
 MERGED_STEPS = {**STEPS, "forceinline": True}
 
 RADIUS = 3  # column of `System.position`
+MASS = 3  # column of `System.lightness`
 
 # Entries of `System.sums` (J, power in W)
 (
@@ -52,7 +53,7 @@ SPENT = 6  # the first entries are what a contact law books: friction by channel
 SUMS = 15
 
 # Entries of `System.clock`
-TIME, TRAVEL, TRAVEL_LIMIT, SMALLEST_RADIUS = range(4)
+TIME, TRAVEL, TRAVEL_LIMIT, SMALLEST_RADIUS, AGE, SKIN_SCALE, LEAST_SKIN = range(7)
 
 
 class Walls(NamedTuple):
@@ -78,12 +79,10 @@ class Walls(NamedTuple):
 
 
 class Held(NamedTuple):
-    """Rows with held components, and room to keep their velocity and force while a loop passes over them."""
+    """Rows with held components, for the work of what holds them."""
 
     row: Any  # (held,) int32
     free: Any  # (held, freedoms) float64: 0 where held, 1 where free
-    velocity: Any  # (held, freedoms)
-    force: Any  # (held, freedoms)
 
 
 class Cell(NamedTuple):
@@ -125,12 +124,12 @@ class System(NamedTuple):
     velocity: Any  # (n, 4): of the middle of the step while it runs; 0
     acceleration: Any  # (n, 4); 0
     force: Any  # (n, 4): total of the last evaluation; 0
-    lightness: Any  # (n, 4): one over mass or inertia of each component; 1
+    lightness: Any  # (n, 4): one over mass or inertia of each component, 0 where it is held; mass
     rotation: Any  # None or (n, 4): sum of the rotation increments; 0
     spin: Any  # None or (n, 4)
     angular: Any  # None or (n, 4): angular acceleration; 0
     torque: Any  # None or (n, 4)
-    nimbleness: Any  # None or (n, 4): one over the inertia; 1
+    nimbleness: Any  # None or (n, 4): one over the inertia, 0 where the component is held; inertia
     start: Any  # (n + 1,) int32: CSR half list, partners j > i of row i
     first: Any  # (pairs and some room,) int32: i of each pair
     second: Any  # (pairs and some room,) int32: j of each pair
@@ -146,7 +145,8 @@ class System(NamedTuple):
     flow: Any  # None (no cell) or (n, 4): room for the velocity of the deforming cell at each place; 0
     listed: Any  # (n, 3): positions (in the plane: angles, too) at the last list build
     sums: Any  # (SUMS,): energy sums
-    clock: Any  # (4,): time, travel since the list was built, its limit, smallest radius
+    clock: Any  # (7,): time; travel since the list was built, its limit; smallest radius; age of the list in steps; its skin, see
+    # `particles.motion.fitting_skin`: scale (0: given by the caller), least
 
 
 class Terms(NamedTuple):

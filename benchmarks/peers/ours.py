@@ -22,7 +22,7 @@ def _assembly(scene: Scene) -> Assembly:
         law = Bonded(
             bond.normal, bond.shear, math.inf, math.inf, bending_stiffness=bond.bending, torsion_stiffness=bond.torsion
         )
-    soil = Assembly(scene.positions, scene.radii, scene.density, law, skin=scene.skin)
+    soil = Assembly(scene.positions, scene.radii, scene.density, law)
     if scene.bonds is not None:
         soil.bond(0.03, scene.bonds)
     if scene.box is not None:

@@ -13,7 +13,7 @@ from numba import njit
 
 from particles.kinematics import tangent_ratio, turning
 from particles.laws.touch import FLAT, Touch, respond, wall_law
-from particles.system import INLINE, KERNEL, MERGED, OUTER, RADIUS, SPENT
+from particles.system import INLINE, KERNEL, MASS, MERGED, OUTER, RADIUS, SPENT
 from particles.vectors import cross, dot, load, minus, moved, plus, present, scaled, store
 from particles.walls.motion import balance, book, rotated, row_vector, to_reference, turned_by
 from particles.walls.rows import (
@@ -318,7 +318,7 @@ def _wall_forces(walls, system, terms, step):
         speed, rotation = _motion_of(system.velocity, system.spin, space, i)
         change, angular = _motion_of(system.acceleration, system.angular, space, i)
         velocity, spin = moved(speed, 0.5 * step, change), moved(rotation, 0.5 * step, angular)
-        lightness = system.lightness[i, 0] + max(
+        lightness = 1.0 / system.lightness[i, MASS] + max(
             body[owner, LIGHTNESS], body[owner, LIGHTNESS + 1], body[owner, LIGHTNESS + 2]
         )
         law = wall_law(terms.law, walls.laws[which, _material_of(system.material, i)])

@@ -109,3 +109,37 @@ def test_every_law_runs_the_loops_that_were_compiled_for_it():
             soil.velocities = [[1, 0, 0], [0, 0, 0]]
             soil.advance(3, 1e-7)
             assert (soil.energies()["viscous"] > 0) == viscous
+
+
+def _drifting(speed, skin=None):
+    """Touching discs of 0.05 m that move to and fro against each other, by `speed` radii a step of 1e-6 s at most."""
+    soil = Assembly(hexagonal_lattice(6, 6, 0.05), 0.05, law=PAPER, skin=skin)
+    velocities = np.zeros((soil.count, 3))
+    velocities[:, 0] = 0.05 * speed / 1e-6 * np.linspace(-1.0, 1.0, soil.count)
+    soil.velocities = velocities
+    return soil
+
+
+def test_skin_that_is_not_given_follows_the_speed():
+    """s^2 = 10 v r: thin where a list lasts long anyway, thicker where it is soon used up; one given by the caller stays."""
+    slow = _drifting(1e-5)
+    before, skin = slow.rebuilds, slow.skin
+    slow.advance(31, 1e-6)
+    assert slow.rebuilds == before and slow.skin == skin
+    slow.advance(100, 1e-6)
+    assert slow.rebuilds == before + 1
+    assert slow.skin == pytest.approx(0.05 * np.sqrt(10.0 * 1e-5), rel=0.2)  # contacts slow the discs down meanwhile
+    fast = _drifting(5e-3)
+    fast.advance(60, 1e-6)
+    assert fast.skin == pytest.approx(0.05 * np.sqrt(10.0 * 5e-3), rel=0.2)
+    given = _drifting(1e-5, skin=0.005)
+    given.advance(131, 1e-6)
+    assert given.skin == 0.005 and given.rebuilds == before
+
+
+def test_motion_does_not_depend_on_the_skin_that_is_chosen():
+    own, given = _drifting(1e-4), _drifting(1e-4, skin=0.02)
+    for soil in (own, given):
+        soil.advance(700, 1e-6)
+    assert own.skin < 0.5 * given.skin
+    np.testing.assert_allclose(own.displacements, given.displacements, rtol=1e-9, atol=1e-15)
