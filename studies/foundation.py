@@ -204,8 +204,8 @@ def plate(p: Parameters) -> Any:
 
 
 def skin(p: Parameters) -> float | None:
-    """Reach of the neighbour list (m): wide in a lattice, whose second neighbours are 0.8 r from contact; None = default."""
-    return None if p.lattice_radius is None else 0.3 * p.lattice_radius
+    """Reach of the neighbour list (m): wide in a lattice, whose second neighbours are 0.8 r from contact; None = by speed."""
+    return None if p.lattice_radius is None else 0.6 * p.lattice_radius
 
 
 def all_particles(p: Parameters) -> Any:
