@@ -29,6 +29,7 @@ from particles.system import (
 )
 from particles.walls.history import recorded, recording
 from particles.walls.listing import arranged, driven
+from particles.walls.periodic import check_deformation, check_planes
 from particles.walls.servo import set_contact_constants
 from particles.walls.wall import Wall
 
@@ -335,11 +336,14 @@ class Assembly:
         of damping forces along L x: what damps moves with the cell.
 
         Raises:
-            ValueError: there is no cell, or L does not keep the form of its edges (upper triangular).
+            ValueError: there is no cell, L does not keep the form of its edges (upper triangular) or changes axes that do not
+                repeat, or a wall is no frictionless plane: other walls are rigid, and would have to stretch with the cell.
         """
         if self.cell is None:
             raise ValueError("velocity_gradient needs a periodic cell: give the assembly one")
         gradient = checked_gradient(self.cell, velocity_gradient)
+        if gradient.any():
+            check_deformation(self.plates)
         change = gradient - self.cell.velocity_gradient
         velocities = self.velocities
         velocities[:, : self.axes] += self.positions @ change.T
@@ -408,13 +412,12 @@ class Assembly:
         self._primed = None
 
     def add_wall(self, *walls: Wall) -> None:
-        """Add rigid walls; from now on they belong to this assembly.
+        """Add rigid walls; from now on they belong to this assembly. In a periodic cell they repeat with it.
 
         Raises:
-            ValueError: no wall, one of the wrong dimension or of another assembly, or one that is fixed to such a wall.
+            ValueError: a plane that is not parallel to the edges of a periodic cell or turns, a wall that does not go with a
+                deforming cell (see `deform`), no wall, one of the wrong dimension or of another assembly, or one that is fixed to such a wall.
         """
-        if self.cell is not None:
-            raise ValueError("walls do not go with a periodic cell: leave one of the two out")
         for wall in walls:
             if not isinstance(wall, Wall):
                 raise ValueError(f"wall={wall!r} must be a Wall or a Plate")
@@ -428,6 +431,10 @@ class Assembly:
                 )
             if wall.body_taken and not any(wall.is_fixed_to(other) for other in self.plates):
                 raise ValueError(f"{wall.name} is fixed to a wall of another assembly: fix it to one of this assembly")
+        if self.cell is not None:
+            check_planes(list(walls), self.cell)
+            if self.cell.velocity_gradient.any():
+                check_deformation(list(walls))
         every = [*self.plates, *walls]
         of_walls = [wall.laws(self._laws.pairs, self._laws.kinds) for wall in every]
         numbers = np.array([self._laws.rows(laws) for laws in of_walls])

@@ -13,7 +13,7 @@ from particles.volumes import parts_inside, region_volume, volumes
 
 def images_near(
     cell: PeriodicCell | None, positions: np.ndarray, lower: Any, upper: Any, reach: float
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Images with their centres within `reach` (m) of a box.
 
     Args:
@@ -21,24 +21,26 @@ def images_near(
         lower, upper: (d,) corners of the box, m.
 
     Returns:
-        Particle (k,) and place (k, d), m, of each image.
+        Particle (k,), place (k, d), m, and edges (k, d) from the particle to the image, of each image.
     """
     if cell is None:
-        return np.arange(len(positions)), positions
+        return np.arange(len(positions)), positions, np.zeros_like(positions)
     low, high = np.asarray(lower, dtype=float) - reach, np.asarray(upper, dtype=float) + reach
     inverse, repeats = np.linalg.inv(cell.matrix), cell.periodic
     shares = positions @ inverse.T
-    home = positions - np.where(repeats, np.floor(shares), 0.0) @ cell.matrix.T
+    taken = np.where(repeats, np.floor(shares), 0.0)
+    home = positions - taken @ cell.matrix.T
     corners = np.array(list(itertools.product(*zip(low, high)))) @ inverse.T
     first, last = np.floor(corners.min(axis=0)), np.floor(corners.max(axis=0))
     ranges = [np.arange(a, b + 1) if one else [0.0] for a, b, one in zip(first, last, repeats)]
-    particle, places = [], []
+    particle, places, edges = [], [], []
     for numbers in itertools.product(*ranges):
         moved = home + cell.matrix @ np.array(numbers)
         inside = np.flatnonzero(((moved >= low) & (moved <= high)).all(axis=1))
         particle.append(inside)
         places.append(moved[inside])
-    return np.concatenate(particle), np.concatenate(places)
+        edges.append(np.array(numbers) - taken[inside])
+    return np.concatenate(particle), np.concatenate(places), np.concatenate(edges)
 
 
 def wrapped(cell: PeriodicCell | None, points: np.ndarray) -> np.ndarray:
@@ -70,7 +72,7 @@ def parts_in(cell: PeriodicCell | None, positions: np.ndarray, radii: np.ndarray
         return parts_inside(positions, radii, region)
     if region is cell:
         return volumes(radii, positions.shape[1])
-    particle, places = images_near(cell, positions, *_bounds(region), float(radii.max(initial=0.0)))
+    particle, places, _ = images_near(cell, positions, *_bounds(region), float(radii.max(initial=0.0)))
     return np.bincount(particle, parts_inside(places, radii[particle], region), len(radii))
 
 

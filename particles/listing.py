@@ -12,6 +12,7 @@ from particles.columns import aligned
 from particles.motion import Unstable, fitting_skin
 from particles.system import AGE, LEAST_SKIN, RADIUS, TRAVEL
 from particles.walls.listing import listed
+from particles.walls.periodic import listed_in_cell
 from particles.walls.servo import set_contact_constants
 
 if TYPE_CHECKING:
@@ -55,7 +56,10 @@ def rebuild(soil: Assembly) -> None:
         grid, start, first, second, history = _listed(soil, position, width, old_row_of)
     changed.update(start=start, first=first, second=second, history=history, listed=position[:, :axes].copy())
     if system.walls is not None:
-        changed["walls"] = listed(system.walls, position, axes, soil.skin, old_row_of, grid)
+        if soil.cell is None:
+            changed["walls"] = listed(system.walls, position, axes, soil.skin, old_row_of, grid)
+        else:
+            changed["walls"] = listed_in_cell(system.walls, position, axes, soil.skin, old_row_of, soil.cell)
     system.clock[TRAVEL] = system.clock[AGE] = 0.0
     if system.cell is not None:
         system.cell.listed[:] = system.cell.matrix

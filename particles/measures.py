@@ -94,7 +94,7 @@ def averaged_stress(
     values = particle_stress(soil) if values is None else np.asarray(values)
     middle = wrapped(soil.cell, points)
     reach = size + radii.max()
-    particle, places = images_near(soil.cell, positions, middle.min(axis=0), middle.max(axis=0), reach)
+    particle, places, _ = images_near(soil.cell, positions, middle.min(axis=0), middle.max(axis=0), reach)
     found = cKDTree(places).query_ball_point(middle, reach)
     average = np.zeros((len(points), *values.shape[1:]))
     solid = np.zeros(len(points))

@@ -43,6 +43,7 @@ class Contacts(NamedTuple):
     moment: np.ndarray  # (k,) or (k, 3) couple on i from rolling and torsion, N m
     history: dict[str, np.ndarray]  # (k, components) what the law remembers, by channel
     law: np.ndarray  # (k,) place in `Assembly.all_laws`
+    image: np.ndarray  # (k, d) from particle i to its periodic image that touches a wall, m; zero otherwise
 
 
 def rolling_radius(contacts: Contacts) -> np.ndarray:
@@ -194,7 +195,7 @@ def contacts(soil: Assembly, with_walls: bool = False, contact_range: float = 0.
     kinds = (i * 0, j * 0) if system.material is None else (system.material[i], system.material[j])
     found = _assemble(
         soil, soil._ids[i], soil._ids[j], np.full(i.size, -1), branch / distance[:, None], overlap, first_arm,
-        distance - first_arm, history, soil._laws.of_pair[kinds],
+        distance - first_arm, history, soil._laws.of_pair[kinds], np.zeros((i.size, axes)),
     )  # fmt: skip
     if with_walls and system.walls is not None:
         touching = _wall_contacts(soil, contact_range)
@@ -211,7 +212,7 @@ def _wall_contacts(soil: Assembly, contact_range: float) -> Contacts:
     listed = system.walls
     size = listed.row.size
     normal, distance, live = np.zeros((size, 3)), np.zeros(size), np.zeros(size)
-    _see_all(listed, system.position, None if axes == 2 else 1, normal, distance, live)
+    _see_all(listed, system.cell, system.position, None if axes == 2 else 1, normal, distance, live)
     radius = system.position[listed.row, RADIUS]
     near = (radius * (1.0 + contact_range) > distance) & (live > 0.0)
     row, wall, normal, distance = listed.row[near], listed.corners[listed.facet[near], 3], normal[near, :axes], distance[near]
@@ -219,14 +220,16 @@ def _wall_contacts(soil: Assembly, contact_range: float) -> Contacts:
     return _assemble(
         soil, soil._ids[row], np.full(row.size, -1), wall.astype(np.int64), normal, radius[near] - distance, distance,
         np.zeros(row.size), listed.history[:-1, near], soil._plate_laws[wall, material],
+        np.zeros((row.size, axes)) if soil.cell is None else listed.image[near, :axes] @ soil.cell.matrix.T,
     )  # fmt: skip
 
 
-def _assemble(soil, first, second, plate, normal, overlap, first_arm, second_arm, history, law) -> Contacts:
+def _assemble(soil, first, second, plate, normal, overlap, first_arm, second_arm, history, law, image) -> Contacts:
     axes, count = soil.axes, first.size
     push, tangential, couple = np.zeros(count), np.zeros((count, 2 * axes - 3)), np.zeros((count, 2 * axes - 3))
     found = Contacts(
-        first, second, plate, normal, overlap, first_arm, second_arm, push, normal, push, soil._laws.by_channel(history), law
+        first, second, plate, normal, overlap, first_arm, second_arm, push, normal, push, soil._laws.by_channel(history), law,
+        image,
     )
     if count:
         _rests[axes](
@@ -243,9 +246,9 @@ def _assemble(soil, first, second, plate, normal, overlap, first_arm, second_arm
 def cell_stress(soil: Assembly, cell: PeriodicCell) -> np.ndarray:
     """Mean stress (axes, axes) in a periodic cell, Pa: sum of branch (x) force on i over the volume; tension positive.
 
-    Elastic parts of the forces; without the momentum flux of the particles' own motion.
+    Contacts with walls count as well, with the arm of the particle. Elastic parts of the forces; without the momentum flux of the particles' own motion.
     """
-    found = contacts(soil)
+    found = contacts(soil, with_walls=True)
     branch = (found.first_arm + found.second_arm)[:, None] * found.normal
     return branch.T @ found.force / cell.volume
 

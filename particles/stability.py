@@ -64,7 +64,7 @@ def _bodies(soil: Assembly, found: Contacts) -> _Bodies:
     owner = walls.wall[found.plate[these], OWNER].astype(np.int64)
     second[these] = soil.count + owner
     centre = (walls.body[:, CENTRE : CENTRE + 3] + walls.body[:, PLACE : PLACE + 3])[owner, :axes]
-    lever[these] = soil.positions[found.first[these]] + found.first_arm[these, None] * found.normal[these] - centre
+    lever[these] = soil.positions[found.first[these]] + found.image[these] + found.first_arm[these, None] * found.normal[these] - centre
     frame = walls.body[:, FRAME : FRAME + 9].reshape(-1, 3, 3)
     turning = frame @ walls.body[:, NIMBLENESS : NIMBLENESS + 9].reshape(-1, 3, 3) @ frame.transpose(0, 2, 1)
     lightness = np.zeros((len(frame), soil.freedoms, soil.freedoms))

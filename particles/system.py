@@ -70,6 +70,7 @@ class Walls(NamedTuple):
     start: Any  # (groups + 1,) int32: first listed pair of each group of one particle and one wall
     row: Any  # (listed,) int32: particle
     facet: Any  # (listed,) int32
+    image: Any  # None or (listed, 3): edges of the periodic cell from the particle to its image that is near
     history: Any  # (columns + 1, listed); the last line is 1 where the pair was a contact of its own
     near: Any  # (largest group, columns): room for the geometry of one group
     body: Any  # (bodies, columns)

@@ -27,11 +27,13 @@ def test_the_scripts_on_particles_run_one_after_the_other(capsys, tmp_path, monk
     scope = {"__name__": "guide"}
     for script in scripts("docs/particles.md"):
         exec(compile(script, "docs/particles.md", "exec"), scope)
-    *impact, balance, walls, _, last, settled = capsys.readouterr().out.splitlines()
+    *impact, balance, walls, _, last, shear, settled = capsys.readouterr().out.splitlines()
     assert len(impact) == 2  # spins of two spheres, friction and energy balance
     assert abs(float(balance)) < 1e-3 * 0.5e6 * (0.5e-3) ** 2  # of what the overlap stored
     assert abs(float(walls.split()[0]) / 1e5 - 1.0) < 0.01  # the servo's load, 100 kPa on 1 m
     assert float(last.split()[-1]) > 0.0  # shear takes work
+    pressed, dragged, across = map(float, shear.split())
+    assert abs(pressed / (1e5 * 16 * 0.0498) - 1.0) < 0.05 and dragged < 0.0 < across  # held back by the layer
     _, ratio, stress = map(float, settled.split())
     # six spheres above it: 6 m g from above and 7 m g from below at arms of r: 13 m g r / V = 13 rho g r
     assert ratio <= 1e-3 and abs(stress / (-13.0 * 2600.0 * 9.81 * 0.05) - 1.0) < 0.02

@@ -15,7 +15,7 @@ from particles.kinematics import tangent_ratio, turning
 from particles.laws.touch import FLAT, Touch, respond, wall_law
 from particles.system import INLINE, KERNEL, MASS, MERGED, OUTER, RADIUS, SPENT
 from particles.vectors import cross, dot, load, minus, moved, plus, present, scaled, store
-from particles.walls.motion import balance, book, rotated, row_vector, to_reference, turned_by
+from particles.walls.motion import balance, book, rotated, rotated_back, row_vector, to_reference, turned_by
 from particles.walls.rows import (
     ACTION,
     CAYLEY,
@@ -23,6 +23,7 @@ from particles.walls.rows import (
     DISTANCE,
     EDGE,
     FACE,
+    FROM,
     INCREMENT,
     LIGHTNESS,
     LIVE,
@@ -80,18 +81,72 @@ def closest(vertices, corners, normals, facet, x):
 
 
 @njit(**INLINE)
-def _shared(corners, facet, other):
-    """Bits of the corners of a facet that another one has as well."""
+def image_shift(image, cell, pair):
+    """From a particle to its image of a listed pair, m."""
+    m, a, b, c = cell.matrix, image[pair, 0], image[pair, 1], image[pair, 2]
+    return a * m[0, 0] + b * m[0, 1] + c * m[0, 2], b * m[1, 1] + c * m[1, 2], c * m[2, 2]
+
+
+@njit(**INLINE)
+def _at_image(image, cell, x, pair):
+    """A place of the particle, moved to its image of a listed pair."""
+    if image is None:
+        return x
+    return plus(x, image_shift(image, cell, pair))
+
+
+@njit(**INLINE)
+def _reference_of_image(image, cell, body, owner, place, pair):
+    """Where that image was in the reference position of a body, for a particle that was at `place`."""
+    if image is None:
+        return place
+    return plus(place, rotated_back(body, owner, image_shift(image, cell, pair)))
+
+
+@njit(**INLINE)
+def _between(image, near, k, m):
+    """From the closest point of listed pair k to that of pair m, seen from the particle (reference axes of the wall)."""
+    gap = minus(row_vector(near, m, POINT), row_vector(near, k, POINT))
+    if image is None:
+        return gap
+    return minus(gap, minus(row_vector(near, m, FROM), row_vector(near, k, FROM)))
+
+
+@njit(**INLINE)
+def _shared(image, walls, facet, other, near, k, m, radius):
+    """Bits of the corners of a facet (pair k) that another one (pair m) has as well.
+
+    Among periodic images facets have what lies on both: a closest point on an edge or corner all its bits, a face one bit
+    where a corner of one lies on the other.
+    """
     bits = 0
-    for k in range(3):
-        for m in range(3):
-            if corners[facet, k] == corners[other, m] and corners[facet, k] >= 0:
-                bits |= 1 << k
+    if image is None:
+        for a in range(3):
+            for b in range(3):
+                if walls.corners[facet, a] == walls.corners[other, b] and walls.corners[facet, a] >= 0:
+                    bits |= 1 << a
+        return bits
+    shift = minus(row_vector(near, m, FROM), row_vector(near, k, FROM))
+    if near[k, PART] != FACE:
+        return int(near[k, PART]) if _lies_on(walls, other, plus(row_vector(near, k, POINT), shift), radius) else 0
+    for a in range(3):
+        one, two = int(walls.corners[facet, a]), int(walls.corners[other, a])
+        if one >= 0 and _lies_on(walls, other, plus(row_vector(walls.vertices, one, 0), shift), radius):
+            bits = 1
+        if two >= 0 and _lies_on(walls, facet, minus(row_vector(walls.vertices, two, 0), shift), radius):
+            bits = 1
     return bits
 
 
 @njit(**INLINE)
-def _counts(near, corners, facet, first, count, k, smooth, radius):
+def _lies_on(walls, facet, x, radius):
+    point, _, _ = closest(walls.vertices, walls.corners, walls.normals, facet, x)
+    gap = minus(point, x)
+    return dot(gap, gap) <= (SAME_POINT * radius) ** 2
+
+
+@njit(**INLINE)
+def _counts(image, walls, near, first, count, k, smooth, radius):
     """Whether listed pair k of a particle and a wall is a contact of its own."""
     part, size = near[k, PART], abs(near[k, DISTANCE])
     for m in range(count):
@@ -101,12 +156,12 @@ def _counts(near, corners, facet, first, count, k, smooth, radius):
         nearer = other < size or (other == size and m < k)
         if nearer and near[k, DISTANCE] < 0.0:
             return False  # behind a face of a solid only the nearest face pushes
-        gap = minus(row_vector(near, m, POINT), row_vector(near, k, POINT))
+        gap = _between(image, near, k, m)
         if dot(gap, gap) <= (SAME_POINT * radius) ** 2:
             if nearer:
                 return False
             continue
-        shared = _shared(corners, facet[first + k], facet[first + m])
+        shared = _shared(image, walls, walls.facet[first + k], walls.facet[first + m], near, k, m, radius)
         if part != FACE:
             if shared & int(part) == int(part):
                 return False
@@ -117,19 +172,24 @@ def _counts(near, corners, facet, first, count, k, smooth, radius):
 
 
 @njit(**KERNEL)
-def look(walls, body, owner, x, radius, first, count):
+def look(image, walls, cell, body, owner, x, radius, first, count):
     """Geometry of the pairs first, first + 1, ... of one particle and one wall into the rows of `walls.near`.
 
     Args:
+        image: that of the walls.
+        cell: None or the periodic cell.
         owner: row of the wall's body in `body`.
         x: centre of the particle (3,), m.
     """
     near, corners = walls.near, walls.corners
     wall = int(corners[walls.facet[first], 3])
     solid = walls.wall[wall, SOLID] > 0.0
-    place = to_reference(body, owner, x)
+    at = to_reference(body, owner, x)
     for k in range(count):
         facet = int(walls.facet[first + k])
+        place = _reference_of_image(image, cell, body, owner, at, first + k)
+        if image is not None:
+            store(near[k], FROM, 1, place)
         point, part, height = closest(walls.vertices, corners, walls.normals, facet, place)
         side = -1.0 if height < 0.0 and not solid else 1.0
         normal, distance, edge = scaled(-side, row_vector(walls.normals, facet, 0)), side * height, (0.0, 0.0, 0.0)
@@ -150,11 +210,11 @@ def look(walls, body, owner, x, radius, first, count):
         store(near[k], POINT, 1, point)
         near[k, DISTANCE], near[k, PART] = distance, part
     for k in range(count):
-        near[k, LIVE] = 1.0 if _counts(near, corners, walls.facet, first, count, k, walls.wall[wall, SMOOTH], radius) else 0.0
+        near[k, LIVE] = 1.0 if _counts(image, walls, near, first, count, k, walls.wall[wall, SMOOTH], radius) else 0.0
 
 
 @njit(**INLINE)
-def _hand_over(history, near, first, count):
+def _hand_over(image, history, near, first, count):
     """A new contact takes the history of the nearest one that is no contact any more; the last line says which were one."""
     flag = history.shape[0] - 1
     for k in range(count):
@@ -163,7 +223,7 @@ def _hand_over(history, near, first, count):
         best, least = -1, 1e300
         for m in range(count):
             if near[m, LIVE] == 0.0 and history[flag, first + m] != 0.0:
-                gap = minus(row_vector(near, m, POINT), row_vector(near, k, POINT))
+                gap = _between(image, near, k, m)
                 if dot(gap, gap) < least:
                     best, least = m, dot(gap, gap)
         for line in range(flag + 1):
@@ -289,11 +349,11 @@ def wall_forces(system, terms, step):
     Row velocities are those of the middle of the step, as for pairs; the increments of the bodies are in their rows (zero
     while they are held).
     """
-    _wall_forces(system.walls, system, terms, step)
+    _wall_forces(system.walls, system.cell, system, terms, step)
 
 
 @njit(**INLINE)
-def _wall_forces(walls, system, terms, step):
+def _wall_forces(walls, cell, system, terms, step):
     if walls is None:
         return
     body, wall, near, history, sums = walls.body, walls.wall, walls.near, walls.history, system.sums
@@ -312,9 +372,9 @@ def _wall_forces(walls, system, terms, step):
         i, which = int(walls.row[first]), int(walls.corners[walls.facet[first], 3])
         owner = int(wall[which, OWNER])
         x, radius = place_of(system.position, space, i), system.position[i, RADIUS]
-        look(walls, body, owner, x, radius, first, count)
-        _hand_over(history, near, first, count)
-        arm = minus(x, plus(row_vector(body, owner, CENTRE), row_vector(body, owner, PLACE)))
+        look(walls.image, walls, cell, body, owner, x, radius, first, count)
+        _hand_over(walls.image, history, near, first, count)
+        whole_arm = minus(x, plus(row_vector(body, owner, CENTRE), row_vector(body, owner, PLACE)))
         speed, rotation = _motion_of(system.velocity, system.spin, space, i)
         change, angular = _motion_of(system.acceleration, system.angular, space, i)
         velocity, spin = moved(speed, 0.5 * step, change), moved(rotation, 0.5 * step, angular)
@@ -326,6 +386,7 @@ def _wall_forces(walls, system, terms, step):
             flag = near[k, LIVE]
             if flag == 0.0 and history[-1, first + k] == 0.0:
                 continue
+            arm = _at_image(walls.image, cell, whole_arm, first + k)
             push, couple, spent, overlap = _answer(
                 space, law, near, k, body, owner, arm, scaled(step, speed), scaled(step, rotation), velocity, spin, radius,
                 1.0 / lightness, values, first + k, stride, terms.blank,
@@ -345,14 +406,14 @@ def _wall_forces(walls, system, terms, step):
 
 
 @njit(**OUTER)
-def see_all(walls, position, space, normal, distance, live):
+def see_all(walls, cell, position, space, normal, distance, live):
     """Normals (listed, 3), distances (listed,) and which of the listed pairs are contacts (listed,), at present places."""
     for group in range(walls.start.size - 1):
         first = int(walls.start[group])
         count = int(walls.start[group + 1]) - first
         i, which = int(walls.row[first]), int(walls.corners[walls.facet[first], 3])
         x = place_of(position, space, i)
-        look(walls, walls.body, int(walls.wall[which, OWNER]), x, position[i, RADIUS], first, count)
+        look(walls.image, walls, cell, walls.body, int(walls.wall[which, OWNER]), x, position[i, RADIUS], first, count)
         for k in range(count):
             distance[first + k], live[first + k] = walls.near[k, DISTANCE], walls.near[k, LIVE]
             for c in range(3):

@@ -58,7 +58,7 @@ def arranged(walls: list[Wall], numbers: np.ndarray, columns: int, old: Walls | 
     return Walls(
         np.concatenate(vertices), np.ascontiguousarray(np.concatenate(corners), dtype=np.int32), np.concatenate(normals),
         numbers, np.zeros(1, dtype=np.int32) if old is None else old.start, none if old is None else old.row,
-        none if old is None else old.facet, np.zeros((columns + 1, 0)) if old is None else old.history,
+        none if old is None else old.facet, None if old is None else old.image, np.zeros((columns + 1, 0)) if old is None else old.history,
         np.zeros((1, NEAR)) if old is None else old.near, body, rows, None, np.zeros(1, dtype=np.int64),
     )  # fmt: skip
 

@@ -219,7 +219,7 @@ def rotated(body, b, vector):
 
 
 @njit(**INLINE)
-def _rotated_back(body, b, vector):
+def rotated_back(body, b, vector):
     x, y, z = vector
     return plus(
         plus(scaled(x, row_vector(body, b, FRAME)), scaled(y, row_vector(body, b, FRAME + 3))),
@@ -231,7 +231,7 @@ def _rotated_back(body, b, vector):
 def to_reference(body, b, x):
     """Where a point that is now at x was in the reference position of body b."""
     centre = row_vector(body, b, CENTRE)
-    return plus(centre, _rotated_back(body, b, minus(x, plus(centre, row_vector(body, b, PLACE)))))
+    return plus(centre, rotated_back(body, b, minus(x, plus(centre, row_vector(body, b, PLACE)))))
 
 
 @njit(**INLINE)
@@ -281,11 +281,11 @@ def balance(body, wall, gravity, step):
                 body[b, AGENT + c] += body[b, ACCELERATION + c] / light
         # Euler's equations in the axes of the body; without inertia nothing is added
         moment = minus(row_vector(body, b, LOAD + 3), row_vector(body, b, AGENT + 3))
-        spin = _rotated_back(body, b, row_vector(body, b, PREDICTED + 3))
+        spin = rotated_back(body, b, row_vector(body, b, PREDICTED + 3))
         gyroscopic = cross(spin, _product(body, b, INERTIA, spin))
-        pull = _product(body, b, NIMBLENESS, minus(_rotated_back(body, b, moment), gyroscopic))
+        pull = _product(body, b, NIMBLENESS, minus(rotated_back(body, b, moment), gyroscopic))
         if body[b, NIMBLENESS + 8] > 0.0:
-            pull = scaled(damper, moved(pull, -damping, _rotated_back(body, b, row_vector(body, b, VELOCITY + 3))))
+            pull = scaled(damper, moved(pull, -damping, rotated_back(body, b, row_vector(body, b, VELOCITY + 3))))
         needed = rotated(body, b, plus(_product(body, b, INERTIA, pull), gyroscopic))
         store(body[b], ACCELERATION + 3, 1, rotated(body, b, pull))
         for c in range(3):

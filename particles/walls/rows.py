@@ -44,5 +44,6 @@ EDGE = 4  # 3: unit vector of the edge where the closest point lies on one, else
 PART = 7  # what the closest point lies on: FACE, or bits of the corners that make the edge or corner
 POINT = 8  # 3: closest point in the reference position of the wall, m
 LIVE = 11  # 1: a contact of its own, 0: counted with a neighbouring facet
-NEAR = 12
+FROM = 12  # 3: in a periodic cell the particle's image in the reference position of the wall, m
+NEAR = 15
 FACE = 7

@@ -249,6 +249,11 @@ class Wall:
         self._rows.append(rows)
         self.until_record = until
 
+    @property
+    def is_plane(self) -> bool:
+        """Whether the wall is one infinite plane."""
+        return bool((self.shape.corners[:, 1] < 0).all())
+
     def is_fixed_to(self, other: Wall) -> bool:
         """Whether both are one rigid body."""
         return self._body is other._body

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from particles import Assembly, PeriodicCell, Plate
+from particles import Assembly, PeriodicCell
 from tests.particles.scenes import ALL, hexagonal_lattice
 
 
@@ -97,7 +97,6 @@ def test_one_axis_may_repeat_alone():
         (lambda: Assembly([[0.0, 0.0]], 0.05, law=ALL, cell=PeriodicCell((0.2, 1.0))), "cell is 0.2 m wide along axis 0"),
         (lambda: Assembly([[0.0, 0.0]], 0.05, law=ALL, cell=PeriodicCell((1.0, 1.0, 1.0))), "cell has 3 axes"),
         (lambda: packed().deform([[0.0, 0.0], [1.0, 0.0]]), "zero below the diagonal"),
-        (lambda: packed().add_wall(Plate.rectangle((0, -1), (1, 0))), "walls do not go with a periodic cell"),
         (lambda: Assembly([[0.0, 0.0]], 0.05, law=ALL).deform(np.zeros((2, 2))), "needs a periodic cell"),
     ],
 )

@@ -106,7 +106,8 @@ def test_a_ball_larger_than_the_cell_counts_each_image(make):
 def test_images_near_a_box_are_all_there_and_none_twice():
     soil = sheared(packed)
     places = np.array([[0.0, 0.0], [0.3, 9.0]])
-    particle, images = images_near(soil.cell, places, (-1.0, -1.0), (2.0, 1.0), 0.1)
+    particle, images, edges = images_near(soil.cell, places, (-1.0, -1.0), (2.0, 1.0), 0.1)
+    np.testing.assert_allclose(places[particle] + edges @ soil.cell.matrix.T, images, atol=1e-12)
     steps = np.stack(np.meshgrid(np.arange(-40, 41), np.arange(-40, 41)), axis=-1).reshape(-1, 2) @ soil.cell.matrix.T
     for k, place in enumerate(places):
         every = place + steps
