@@ -517,13 +517,13 @@ class Assembly:
             listing.rebuild(self)
         set_contact_constants(self)
         loaded = [wall.has_new_load() for wall in self.plates]  # of all, each is asked once
-        if self._primed != (terms[4:],) or any(loaded):
+        if self._primed != (terms[5:],) or any(loaded):
             network.hold(self._system.walls)
             if self.cell is not None:
                 self.cell.arrays.rate[:] = self.cell.arrays.gradient @ self.cell.arrays.matrix
             network.evaluate(self._system, terms, 0.0)
             network.kick(self._system, terms, 0.0)
-            self._primed = (terms[4:],)
+            self._primed = (terms[5:],)
         walls = self._system.walls
         if walls is not None and (driving := driven(self.plates, walls, self.time, step, steps)) is not walls:
             self._system = self._system._replace(walls=driving)

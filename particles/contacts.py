@@ -210,11 +210,11 @@ def _log_breaks(breaks, scratch, history, sums, position, time, space, first, se
         scratch[_SPENT + BREAKING * STRIDE + c] = 0.0
 
 
-@njit(**MERGED)
-def start_pairs(system):
+@njit(**INNER)
+def start_pairs(scratch):
     """Before the first batch of an evaluation."""
     for place in range(_IMAGE, _HISTORY):
-        system.scratch[place] = 0.0
+        scratch[place] = 0.0
 
 
 @njit(**MERGED)
@@ -246,11 +246,10 @@ def pair_batch(system, terms, step, image, at, count):
     _scatter_pairs(scratch, system.force, system.torque, first, second, at, count)
 
 
-@njit(**MERGED)
-def end_pairs(system):
+@njit(**KERNEL)
+def end_pairs(scratch, sums):
     """After the last batch: book the energies."""
-    for k in range(SPENT):
-        for c in range(WIDTH):
-            system.sums[k] += system.scratch[_SPENT + k * STRIDE + c]
     for c in range(WIDTH):
-        system.sums[CELL_POWER] += system.scratch[_IMAGE + c]
+        for k in range(SPENT):
+            sums[k] += scratch[_SPENT + k * STRIDE + c]
+        sums[CELL_POWER] += scratch[_IMAGE + c]

@@ -429,7 +429,7 @@ def _before_pairs(system, terms, step):
     sums[POWER] = sums[CELL_POWER] = 0.0
     _load(system.force, system.torque, system.lightness, terms.gravity, system.external)
     wall_forces(system, terms, step)
-    start_pairs(system)
+    start_pairs(system.scratch)
     return powers
 
 
@@ -437,7 +437,7 @@ def _before_pairs(system, terms, step):
 def _after_pairs(system, powers, step):
     """Book what dashpots and the cell did over the step just moved (trapezoidal)."""
     sums = system.sums
-    end_pairs(system)
+    end_pairs(system.scratch, sums)
     sums[VISCOUS] += 0.5 * step * (powers[0] + sums[POWER])
     sums[CELL] += 0.5 * step * (powers[1] + sums[CELL_POWER])
 
