@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from particles.cell import image_in_space, image_numbers
 from particles.columns import WIDTH
 from particles.system import INNER, KERNEL, OUTER, RADIUS, STEPS
 
@@ -133,55 +132,74 @@ def sort_by_key(key, keys):
 
 @njit(**INNER)
 def _next_cell(place, step, number, wraps):
-    """Neighbour of a cell along one axis; -1 beyond the ends of an axis that does not repeat."""
+    """Neighbour of a cell along one axis (-1 beyond the ends of an axis that does not repeat), periods that it is off by."""
     other = place + step
-    if wraps:
-        return other % number
-    return other if 0 <= other < number else -1
+    if 0 <= other < number:
+        return other, 0
+    off = -1 if other < 0 else 1
+    return (other - off * number, off) if wraps else (-1, 0)
 
 
 @njit(**INNER)
-def _forward(grid, box, column, line, layer, runs):
+def _add_run(runs, shifts, found, first, last, box, x, y, z):
+    """One more run of places in the order, and where its particles are seen from here: x, y, z periods away."""
+    runs[found, 0], runs[found, 1] = first, last
+    if box is not None:
+        away = x != 0 or y != 0 or z != 0
+        for c in range(3):
+            shifts[found, c] = x * box.matrix[c, 0] + y * box.matrix[c, 1] + z * box.matrix[c, 2] if away else 0.0
+    return found + 1
+
+
+@njit(**INNER)
+def _forward(grid, box, column, line, layer, runs, shifts):
     """Where in the order the cells after this one lie that touch it, as `runs` (some, 2) from, to; their number.
 
     Each pair of touching cells is met from one of them only. Along x neighbouring cells follow each other. The cell to the
-    right is among the runs only at the end of an axis that repeats: elsewhere it follows the cell itself.
+    right is among the runs only at the end of an axis that repeats: elsewhere it follows the cell itself. In a periodic cell
+    `shifts` (some, 3) are added to the places of a run, m.
     """
     start, wide, found = grid.start, grid.number[0], 0
     if column == wide - 1 and _wraps(box, 0):
         first = (layer * grid.number[1] + line) * wide
-        runs[0, 0], runs[0, 1], found = start[first], start[first + 1], 1
+        found = _add_run(runs, shifts, 0, start[first], start[first + 1], box, 1, 0, 0)
     for up in range(2):
-        above = _next_cell(layer, up, grid.number[2], _wraps(box, 2)) if up else layer
+        above, z = _next_cell(layer, up, grid.number[2], _wraps(box, 2))
         for along in range(-1 if up else 1, 2):
-            beside = _next_cell(line, along, grid.number[1], _wraps(box, 1))
+            beside, y = _next_cell(line, along, grid.number[1], _wraps(box, 1))
             if above < 0 or beside < 0:
                 continue
             first = (above * grid.number[1] + beside) * wide
             left, right = first + max(column - 1, 0), first + min(column + 1, wide - 1)
-            runs[found, 0], runs[found, 1] = start[left], start[right + 1]
-            found += 1
-            if _wraps(box, 0) and (column == 0 or column == wide - 1):
-                other = first + (wide - 1 if column == 0 else 0)
-                runs[found, 0], runs[found, 1] = start[other], start[other + 1]
-                found += 1
+            found = _add_run(runs, shifts, found, start[left], start[right + 1], box, 0, y, z)
+            if _wraps(box, 0) and column == 0:
+                found = _add_run(runs, shifts, found, start[first + wide - 1], start[first + wide], box, -1, y, z)
+            if _wraps(box, 0) and column == wide - 1:
+                found = _add_run(runs, shifts, found, start[first], start[first + 1], box, 1, y, z)
     return found
 
 
-@njit(**KERNEL)
-def _near(at, still, a, b, reach, image):
-    """1 where two rows are closer than the sum of their reaches and not both still, otherwise 0."""
-    (x, y, z), _ = image_in_space(image, (at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[b, 2] - at[a, 2]))
-    limit = reach + at[b, 3]
-    return int(x * x + y * y + z * z < limit * limit) & (1 - (still[a] & still[b]))
+@njit(**INNER)
+def _home(places, i, axes, box):
+    """Where a row is in the periodic cell itself, m."""
+    x, y, z = _coordinates(places, i, axes, box)
+    if box is None:
+        return x, y, z
+    m = box.matrix
+    return m[0, 0] * x + m[0, 1] * y + m[0, 2] * z, m[1, 1] * y + m[1, 2] * z, m[2, 2] * z
 
 
 @njit(**KERNEL)
-def _add_near(at, still, a, low, high, reach, image, partner, found):
-    """Write those of the rows low, low + 1, ... behind the partners found so far that are near to row a."""
+def _add_near(at, still, a, low, high, x, y, z, reach, partner, found):
+    """Write those of the rows low, low + 1, ... behind the partners found so far that are near to (x, y, z), m.
+
+    Near: closer than the sum of their reaches, and not both still.
+    """
     for b in range(low, high):
+        dx, dy, dz = at[b, 0] - x, at[b, 1] - y, at[b, 2] - z
+        limit = reach + at[b, 3]
         partner[found] = b
-        found += _near(at, still, a, b, reach, image)
+        found += int(dx * dx + dy * dy + dz * dz < limit * limit) & (1 - (still[a] & still[b]))
     return found
 
 
@@ -192,8 +210,8 @@ def _partners(grid, at, still, skin, capacity, box):
     begin = np.zeros(count + 1, dtype=np.int32)
     partner = np.empty(capacity, dtype=np.int32)
     runs = np.empty((14, 2), dtype=np.int64)
-    image, found, cell = image_numbers(box), 0, 0
-    wide = grid.number[0]
+    shifts = np.zeros((14, 3))
+    found, cell, wide = 0, 0, grid.number[0]
     for layer in range(grid.number[2]):
         for line in range(grid.number[1]):
             for column in range(wide):
@@ -202,7 +220,7 @@ def _partners(grid, at, still, skin, capacity, box):
                 if first == last:
                     continue
                 own = grid.start[cell + 1] if column < wide - 1 else last
-                forward = _forward(grid, box, column, line, layer, runs)
+                forward = _forward(grid, box, column, line, layer, runs, shifts)
                 most = own - first
                 for r in range(forward):
                     most += runs[r, 1] - runs[r, 0]
@@ -211,10 +229,13 @@ def _partners(grid, at, still, skin, capacity, box):
                         grown = np.empty(2 * partner.size + most, dtype=np.int32)
                         grown[:found] = partner[:found]
                         partner = grown
-                    reach = at[a, 3] + skin
-                    found = _add_near(at, still, a, a + 1, own, reach, image, partner, found)
+                    x, y, z, reach = at[a, 0], at[a, 1], at[a, 2], at[a, 3] + skin
+                    found = _add_near(at, still, a, a + 1, own, x, y, z, reach, partner, found)
                     for r in range(forward):
-                        found = _add_near(at, still, a, runs[r, 0], runs[r, 1], reach, image, partner, found)
+                        found = _add_near(
+                            at, still, a, runs[r, 0], runs[r, 1], x - shifts[r, 0], y - shifts[r, 1], z - shifts[r, 2], reach,
+                            partner, found,
+                        )  # fmt: skip
                     begin[a + 1] = found
     return begin, partner
 
@@ -239,8 +260,7 @@ def list_pairs(grid, places, radii, ghost, skin, axes, capacity, box):
     at, still = np.zeros((count, 4)), np.empty(count, dtype=np.int8)
     for a in range(count):
         i = order[a]
-        for k in range(axes):
-            at[a, k] = places[i, k]
+        at[a, 0], at[a, 1], at[a, 2] = _home(places, i, axes, box)
         at[a, 3] = radii[i]
         still[a] = ghost[i]
     begin, partner = _partners(grid, at, still, skin, capacity, box)
