@@ -178,7 +178,7 @@ class Assembly:
 
     @property
     def masses(self) -> np.ndarray:
-        """Masses (n,), kg (in the plane per metre of thickness)."""
+        """Masses (n,), kg (in the plane per metre of thickness); the shares carried, after `weigh`."""
         return self._masses.copy()
 
     @property
@@ -273,8 +273,44 @@ class Assembly:
     @external_forces.setter
     def external_forces(self, values: Any) -> None:
         self._external = _finite("external_forces", values, (self.count, self.freedoms))
-        self._system = self._system._replace(external=np.ascontiguousarray(self._external[self._ids]))
+        self._compose_external()
+
+    def _compose_external(self) -> None:
+        """Row-ordered external forces, with the share of each particle."""
+        if self._external is not None:
+            external = np.ascontiguousarray(self._external[self._ids])
+            if self._system.share is not None:
+                external *= self._system.share[:, :1]
+            self._system = self._system._replace(external=external)
         self._primed = None
+
+    def weigh(self, contacts: Any, masses: Any) -> None:
+        """Let the particles carry only a share of the body, where a continuum carries the rest.
+
+        From now on forces, torques, energies and losses of a contact between two particles count by the share of its two
+        particles, interpolated to the contact point, and external forces by the particle's; `masses` and `inertias` are
+        those carried. Histories, limits and strengths stay those of the whole contact; contacts with walls count in full.
+        The change of energy counts as imposed.
+
+        Args:
+            contacts: (n,) share of contacts and external forces at each particle, 0 to 1.
+            masses: (n,) share of mass and inertia, above 0 up to 1.
+
+        Raises:
+            ValueError: shares out of range.
+        """
+        shares = np.column_stack([_finite("contacts", contacts, (self.count,)), _finite("masses", masses, (self.count,))])
+        if self.count and not (shares.min() >= 0.0 and shares.max() <= 1.0 and shares[:, 1].min() > 0.0):
+            raise ValueError(f"shares from {shares.min():g} to {shares.max():g} must lie in [0, 1], those of masses above 0")
+        before = self._mechanical()
+        shares = np.ascontiguousarray(shares[self._ids])
+        old = 1.0 if self._system.share is None else self._system.share[self._rows, 1]
+        change = shares[self._rows, 1] / old
+        self._masses, self._inertias = self._masses * change, self._inertias * change
+        self._system = self._system._replace(share=shares)
+        self._compose_held()
+        self._compose_external()
+        self._imposed += self._mechanical() - before
 
     # Constraints -------------------------------------------------------------------------------------------------------
 
