@@ -221,8 +221,8 @@ class Assembly:
         """Displacements and rotations since the reference (n, freedoms), m and rad; in space the rotations are the sums of
         the steps' increments about the three axes.
 
-        Assigning makes a new initial state: contact histories are cleared (the tangential forces start at zero) and the
-        neighbour list is rebuilt.
+        Assigning makes a new initial state: contact histories are cleared (the tangential forces start at zero; bonds stay
+        and are strained) and the neighbour list is rebuilt.
         """
         values = self._of_rows("position", "rotation")
         values[:, : self.axes] -= self._reference
@@ -235,7 +235,9 @@ class Assembly:
         places = values.copy()
         places[:, : self.axes] += self._reference
         self._set_rows("position", "rotation", places)
-        self._system.history[:] = 0.0
+        for (name, _), column in zip(self._laws.columns, self._system.history):
+            if name not in ("bond", "offset"):
+                column[:] = 0.0
         if self._system.walls is not None:
             self._system.walls.history[:] = 0.0
         listing.rebuild(self)
@@ -339,6 +341,11 @@ class Assembly:
                 self._held[int(one)] = free
         self._primed = None
         self._compose_held()
+
+    @property
+    def held(self) -> np.ndarray:
+        """Ids of the particles with components that are held."""
+        return np.array(sorted(self._held), dtype=np.int64)
 
     def _compose_held(self) -> None:
         system = self._system

@@ -1,0 +1,109 @@
+"""The coarse step of the overlap coupling: explicit subcycling as in `bridge.subcycling`, the zone's nodes with the particles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.subcycling import Mesh, finish, move_others
+
+Array = NDArray[np.float64]
+
+
+class OverlapRule:
+    """Masses, forces and energy sums of the continuum's side, and its step."""
+
+    ATTRIBUTES = ("external", "force", "moves_prescribed", "_lost", "_work")
+
+    def __init__(self, coupled):
+        mesh, fine, exchange = coupled.mesh, coupled.fine, coupled.exchange
+        self.coupled, self.mesh, self.fine, self.exchange = coupled, mesh, fine, exchange
+        self.step, self.damping = coupled.step, coupled.mass_damping
+        self.moves_prescribed = mesh.moves_prescribed
+        self.external = mesh.external_force().copy()
+        if fine.eliminated:
+            exchange.scatter((fine.tie.matrix.T @ fine.weight.ravel()).reshape(-1, 3), self.external)
+        movable = (mesh.mass > 0.0) & ~mesh.fixed
+        stiffness = mesh.stiffness_matrix(exchange.nodes)
+        free = exchange.gather((~mesh.fixed).astype(float)) > 0.5
+        fine.set_nodes(exchange.gather(mesh.mass), free, stiffness, exchange.gather(mesh.displacement))
+        marked, on = np.zeros((len(exchange.nodes), 1)), np.zeros((len(mesh.mass), 1))
+        marked[:] = 1.0
+        exchange.scatter(marked, on)
+        self._on = np.flatnonzero(on)
+        inverse = np.divide(1.0, mesh.mass, out=np.zeros_like(mesh.mass), where=movable & (on == 0.0))
+        mass = np.where(movable, mesh.mass, 0.0)
+        self.force = np.zeros_like(mass)
+        self._lost, self._work = np.zeros(1), np.zeros(1)
+        self._arrays = Mesh(
+            mass, inverse, self.external, self.force, *(np.zeros_like(mass) for _ in range(3)), mesh.displacement,
+            mesh.velocity, mesh.acceleration, np.flatnonzero(on == 0.0), self._lost, self._work,
+        )  # fmt: skip
+        self.start_from_state()
+        mesh.acceleration[:] = inverse * self.force
+        exchange.scatter(fine.start(exchange.gather(self.force)), mesh.acceleration)
+        mesh.send()
+
+    def start_from_state(self) -> None:
+        """Bring everything else in line with a motion that was set from outside."""
+        mesh, gather = self.mesh, self.exchange.gather
+        mesh.receive()
+        self.force[:] = self.external - mesh.internal_force(mesh.displacement)
+        self.fine.follow_mesh(gather(mesh.displacement), gather(mesh.velocity))
+
+    def carried(self) -> list[Array]:
+        """Arrays beyond the motion of nodes and particles that one coarse step hands to the next: none."""
+        return []
+
+    def run(self, steps: int) -> None:
+        """Take coarse steps (collective)."""
+        mesh = self.mesh
+        mesh.receive()
+        self.force[:] = self.external - mesh.internal_force(mesh.displacement)
+        for _ in range(steps):
+            self._advance()
+            self.coupled.count(1)
+        mesh.send()
+
+    def advance(self) -> None:
+        """Take one coarse step without counting it (collective)."""
+        self.mesh.receive()
+        self._advance()
+        self.mesh.send()
+
+    def _advance(self) -> None:
+        mesh, arrays, gather, on, step = self.mesh, self._arrays, self.exchange.gather, self._on, self.step
+        fixed, time = mesh.fixed, self.coupled.time
+        if self.moves_prescribed:
+            end = mesh.prescribed_velocity(time + step)[fixed]
+            mesh.velocity[fixed] = 0.5 * (mesh.prescribed_velocity(time)[fixed] + end)
+        move_others(arrays, self.damping, step)
+        slope = mesh.internal_force(arrays.increment) / -step
+        start = gather(arrays.force)
+        found = self.fine.run(gather(mesh.displacement), gather(mesh.velocity), start, gather(slope), self.coupled.substeps)
+        nodal = np.zeros((len(arrays.mass), 15))
+        self.exchange.scatter(found, nodal)
+        moved, faster, acceleration, impulse, link = (nodal[on, 3 * k : 3 * k + 3] for k in range(5))
+        mesh.displacement[on] += moved
+        mesh.velocity[on] += faster
+        arrays.work[0] += np.vdot(arrays.external[on], moved)
+        arrays.link[on] = link
+        finish(arrays, mesh.internal_force(mesh.displacement), self.damping, step)
+        # bring the impulse on the nodes of the zone to that of the trapezoidal rule
+        missing = 0.5 * step * (start + gather(arrays.force)) - found[:, 9:12]
+        kick = np.zeros_like(arrays.mass)
+        self.exchange.scatter(self.fine.solve(missing), kick)
+        mesh.velocity += kick
+        mesh.acceleration[on] = acceleration
+        if self.moves_prescribed:
+            mesh.velocity[fixed] = end
+
+    def energies(self) -> Array:
+        """Kinetic, strain, damping loss, external work, h^2/8 a M a (J) of the continuum; this rank's part."""
+        mesh = self.mesh
+        kinetic = 0.5 * np.vdot(mesh.mass * mesh.velocity, mesh.velocity)
+        strain = 0.5 * np.vdot(mesh.displacement, self.external - self.force)
+        squares = self._arrays.mass * mesh.acceleration**2
+        zone = squares[self._on].sum() * (1.0 / self.coupled.substeps**2 - 1.0)
+        stepping = self.step**2 / 8.0 * (squares.sum() + zone)
+        return np.array([kinetic, strain, self._lost[0], self._work[0], stepping])
