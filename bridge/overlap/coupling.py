@@ -162,13 +162,13 @@ class Overlap:
 
         Kinetic and elastic energy of the particles' part, kinetic and strain energy of the continuum's; `penalty`, stored in
         the springs; what friction, dashpots, damping, opened and broken contacts took; `external` work of walls, loads and
-        gravity. `balance` is what is unaccounted for, with the kinetic energy 1/2 v(n-1/2) M v(n+1/2) of the time integration,
+        gravity; `interface`, what substeps take where the zone meets the other nodes. `balance` is what is unaccounted for, with the kinetic energy 1/2 v(n-1/2) M v(n+1/2) of the time integration,
         which differs from 1/2 v M v by h^2/8 a M a.
         """
         terms = self._terms()
         result = {name: terms[name] - self._initial[name] for name in terms}
         stored = sum(result[name] for name in ("kinetic", "elastic", "strain", "penalty"))
-        lost = sum(result[name] for name in ("friction", "viscous", "contact_loss", "mass_damping"))
+        lost = sum(result[name] for name in ("friction", "viscous", "contact_loss", "mass_damping", "interface"))
         result["balance"] = stored + lost - result["external"] - result.pop("stepping")
         return result
 
@@ -177,10 +177,10 @@ class Overlap:
         local = self.fine.energies(self.exchange.gather(self.mesh.displacement))
         sums = self.body.comm.allreduce(np.concatenate([local, self.rule.energies()])).tolist()
         result = dict(zip(names, sums[: len(names)], strict=True))
-        kinetic, strain, damping, external, stepping = sums[len(names) :]
+        kinetic, strain, damping, external, interface, stepping = sums[len(names) :]
         result["kinetic"] += kinetic
         result["stepping"] += stepping
-        result["strain"] = strain
+        result["strain"], result["interface"] = strain, interface
         result["mass_damping"] += damping
         result["external"] += external
         return result

@@ -41,7 +41,7 @@ class ZoneParticles(ParticleSide):
         self.masses = np.column_stack([soil.masses, soil.masses, soil.inertias])[tie.ids]
         self.stiffness = np.zeros((count, 3)) if stiffness is None else np.where(tie.tied, stiffness, 0.0)
         self.force, self._work = np.zeros((count, 3)), np.zeros(1)
-        self.nodes = ZoneNodes(*(np.zeros((width, 3)) for _ in ZoneNodes._fields[1:]), np.zeros(1))
+        self.nodes = ZoneNodes(*(np.zeros((width, 3)) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1))
         whole = self.masses / tie.mass_share[tie.ids, None] * [*gravity, 0.0]
         self.weight = tie.share[tie.ids, None] * (whole + soil.external_forces[tie.ids])  # loads that are the particles' part
         self.external = soil.external_forces[tie.ids]
@@ -101,6 +101,11 @@ class ZoneParticles(ParticleSide):
         self.run_loop(kernel, steps, (nodes, self._inner, self.mass, self.mass_damping), ())
         return np.hstack([nodes.moved, nodes.velocity - velocity, nodes.acceleration, nodes.impulse, nodes.link])
 
+    @property
+    def worked(self) -> float:
+        """Work of the continuum on the nodes of the zone in the last `run`, J."""
+        return float(self.nodes.work[0])
+
     def solve(self, values: Array) -> Array:
         """M^-1 values (w, 3) of the nodes."""
         flat = np.ascontiguousarray(values).ravel().copy()
@@ -133,7 +138,7 @@ class ZoneParticles(ParticleSide):
 
     def own_arrays(self) -> list[Array]:
         """Arrays of this class that a linear analysis writes (kept and restored around it)."""
-        return [self.force, self._work, self.nodes.lost, self._load, self._origin]
+        return [self.force, self._work, self.nodes.lost, self.nodes.work, self._load, self._origin]
 
     def stretch(self, displacement: Array) -> Array:
         """Motion of the tied particles beyond that of the mesh (g, 3), m and rad; zero for components that are free."""

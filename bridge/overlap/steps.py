@@ -47,6 +47,7 @@ class ZoneNodes(NamedTuple):
     velocity: np.ndarray
     acceleration: np.ndarray
     lost: np.ndarray  # (1,): energy taken by mass damping, J
+    work: np.ndarray  # (1,): of the continuum on these nodes since the coarse time, J
 
 
 @njit(**INNER)
@@ -162,6 +163,7 @@ def _start_nodes(nodes, mass, damping, h):
         nodes.lost[0] += 0.5 * h * damping * product(mass, velocity, velocity + 0.5 * h * acceleration)
     nodes.impulse[:] = 0.5 * h * nodes.start
     velocity += 0.5 * h * acceleration
+    nodes.work[0] = 0.5 * h * np.dot(nodes.start.ravel(), velocity)
     nodes.moved[:] = h * nodes.velocity
 
 
@@ -177,8 +179,10 @@ def _kick_nodes(nodes, mass, damping, h, last):
         end = velocity + 0.5 * h * acceleration
         mean = 0.5 * velocity if last else end
         nodes.lost[0] += h * damping * product(mass, end, mean)
+    nodes.work[0] += 0.5 * h * np.dot(nodes.force.ravel(), velocity)
     velocity += (0.5 * h if last else h) * acceleration
     if not last:
+        nodes.work[0] += 0.5 * h * np.dot(nodes.force.ravel(), velocity)
         nodes.moved[:] += h * nodes.velocity
 
 
