@@ -225,13 +225,35 @@ class Body:
         _compat.assemble_into(self._result, self._internal)
         return self._result_values.copy()
 
-    def stiffness_matrix(self, nodes: np.ndarray) -> sparse.csr_matrix:
-        """Stiffness among nodes of any rank, given by ascending global index, with all components (collective)."""
+    def marked_nodes(self, marked: np.ndarray) -> np.ndarray:
+        """Number (owned cells,) of the nodes of each cell that are marked (n_owned,), whichever rank owns them (collective)."""
+        self._trial_values[:] = np.asarray(marked, dtype=float)[:, None]
+        self._trial.x.scatter_forward()
+        found = self._trial.x.array.reshape(-1, self.components)[self.cell_nodes, 0]
+        return np.rint(found.sum(axis=1)).astype(np.int64)
+
+    def stiffness_matrix(self, nodes: np.ndarray, of_cells: np.ndarray | None = None) -> sparse.csr_matrix:
+        """Stiffness among nodes of any rank, with all components (collective).
+
+        Args:
+            nodes: ascending global indices.
+            of_cells: mask (owned cells,) of the cells that count, all by default.
+        """
+        matrix = self._matrix if of_cells is None else self._matrix_of(of_cells)
         places = (self.components * np.asarray(nodes)[:, None] + np.arange(self.components)).ravel()
         among = PETSc.IS().createGeneral(places.astype(PETSc.IntType), comm=MPI.COMM_SELF)
-        (block,) = self._matrix.createSubMatrices([among], [among])
+        (block,) = matrix.createSubMatrices([among], [among])
         start, column, value = block.getValuesCSR()
         return sparse.csr_matrix((value, column, start), shape=block.getSize())
+
+    def _matrix_of(self, some_cells: np.ndarray) -> Any:
+        """Stiffness matrix of some of the owned cells."""
+        counts = fem.Function(_compat.cell_space(self.mesh))
+        counts.x.array[: len(some_cells)] = some_cells
+        w, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        density = counts * forms.internal_work(w, v, self._stiffness, self._couple)
+        form = forms.over_uncovered(density, self._measure, self._weight, *self._degrees)
+        return _compat.assemble_matrix(_compat.form(form))
 
     def external_force(self) -> np.ndarray:
         """Constant loads (n_owned, components): tractions and body force on the uncovered part; not to be written."""

@@ -51,13 +51,16 @@ class ZoneParticles(ParticleSide):
         self._load = np.where(tie.tied, carried + given - (0.0 if self.eliminated else self.weight), 0.0)
         self._origin = np.zeros((count, 3))
 
-    def set_nodes(self, mass: Array, movable: NDArray[np.bool_], stiffness: sparse.csr_matrix, displacement: Array) -> None:
+    def set_nodes(
+        self, mass: Array, movable: NDArray[np.bool_], stiffness: sparse.csr_matrix, edge: sparse.csr_matrix, displacement: Array
+    ) -> None:  # fmt: skip
         """Factor the masses; what is now the state becomes the one without stretch.
 
         Args:
             mass: Lumped mass of the continuum at the nodes (w, 3).
             movable: Components (w, 3) that are neither prescribed nor without any mass.
             stiffness: Of the continuum among the nodes (3 w, 3 w).
+            edge: The part of it that is of cells with other nodes, too.
             displacement: Of the nodes (w, 3).
         """
         matrix, tie = sparse.diags(mass.ravel()), self.tie.matrix
@@ -65,7 +68,7 @@ class ZoneParticles(ParticleSide):
             matrix = matrix + tie.T @ sparse.diags(self.masses.ravel()) @ tie
         self.mass_matrix = sparse.csr_matrix(matrix)
         self.mass = factored(self.mass_matrix, np.flatnonzero(movable.ravel() & (self.mass_matrix.diagonal() > 0.0)))
-        self.continuum_stiffness = stiffness
+        self.continuum_stiffness, self._edge = stiffness, edge
         self._inner = blocks(stiffness)
         if self.soil.count:
             self._prepare(1)
@@ -90,16 +93,24 @@ class ZoneParticles(ParticleSide):
             steps: Number of fine steps.
 
         Returns:
-            (w, 15): displacement, change of velocity, acceleration, impulse of the continuum and force of the particles at the end.
+            (w, 9): displacement, change of velocity and acceleration at the end.
         """
         nodes = self.nodes
         if not self.soil.count:
-            return np.zeros((len(velocity), 15))
+            return np.zeros((len(velocity), 9))
         self._prepare(steps)
         nodes.base[:], nodes.velocity[:], nodes.start[:], nodes.slope[:] = displacement, velocity, force, slope
         kernel = _run_tied if self.eliminated else _run_penalised
         self.run_loop(kernel, steps, (nodes, self._inner, self.mass, self.mass_damping), ())
-        return np.hstack([nodes.moved, nodes.velocity - velocity, nodes.acceleration, nodes.impulse, nodes.link])
+        return np.hstack([nodes.moved, nodes.velocity - velocity, nodes.acceleration])
+
+    def missing(self, step: float) -> Array:
+        """Impulse (w, 3) that cells at the edge of the zone lack in a coarse step to that of the trapezoidal rule, N s.
+
+        Within the step the nodes of the zone feel them at every fine time, those outside at both ends.
+        """
+        nodes = self.nodes
+        return (self._edge @ (nodes.swept - 0.5 * step * nodes.moved).ravel()).reshape(-1, 3)
 
     @property
     def worked(self) -> float:

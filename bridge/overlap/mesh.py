@@ -64,9 +64,16 @@ class ThreeComponents:
             return self.body.internal_force(displacement)
         return self._padded(self.body.internal_force(np.ascontiguousarray(displacement[:, :2])))
 
-    def stiffness_matrix(self, nodes: NDArray[np.int64]) -> sparse.csr_matrix:
-        """Stiffness (3 k, 3 k) among k nodes of any rank (collective)."""
-        matrix = self.body.stiffness_matrix(nodes)
+    def edge_stiffness(self, nodes: NDArray[np.int64], marked: NDArray[np.bool_]) -> sparse.csr_matrix:
+        """Stiffness (3 k, 3 k) of the cells that have nodes of both kinds, marked (owned nodes,) and not (collective)."""
+        found = self.body.marked_nodes(marked)
+        return self.stiffness_matrix(nodes, (found > 0) & (found < self.body.cell_nodes.shape[1]))
+
+    def stiffness_matrix(
+        self, nodes: NDArray[np.int64], of_cells: NDArray[np.bool_] | None = None
+    ) -> sparse.csr_matrix:
+        """Stiffness (3 k, 3 k) among k nodes of any rank, of some owned cells or of all (collective)."""
+        matrix = self.body.stiffness_matrix(nodes, of_cells)
         if self.same:
             return matrix
         count = len(nodes)

@@ -24,12 +24,11 @@ class OverlapRule:
         if fine.eliminated:
             exchange.scatter((fine.tie.matrix.T @ fine.weight.ravel()).reshape(-1, 3), self.external)
         movable = (mesh.mass > 0.0) & ~mesh.fixed
-        stiffness = mesh.stiffness_matrix(exchange.nodes)
+        on = np.zeros((len(mesh.mass), 1))
+        exchange.scatter(np.ones((len(exchange.nodes), 1)), on)
+        stiffness, edge = mesh.stiffness_matrix(exchange.nodes), mesh.edge_stiffness(exchange.nodes, on[:, 0] > 0.0)
         free = exchange.gather((~mesh.fixed).astype(float)) > 0.5
-        fine.set_nodes(exchange.gather(mesh.mass), free, stiffness, exchange.gather(mesh.displacement))
-        marked, on = np.zeros((len(exchange.nodes), 1)), np.zeros((len(mesh.mass), 1))
-        marked[:] = 1.0
-        exchange.scatter(marked, on)
+        fine.set_nodes(exchange.gather(mesh.mass), free, stiffness, edge, exchange.gather(mesh.displacement))
         self._on = np.flatnonzero(on)
         inverse = np.divide(1.0, mesh.mass, out=np.zeros_like(mesh.mass), where=movable & (on == 0.0))
         mass = np.where(movable, mesh.mass, 0.0)
@@ -81,16 +80,14 @@ class OverlapRule:
         slope = mesh.internal_force(arrays.increment) / -step
         start = gather(arrays.force)
         found = self.fine.run(gather(mesh.displacement), gather(mesh.velocity), start, gather(slope), self.coupled.substeps)
-        nodal = np.zeros((len(arrays.mass), 15))
+        nodal = np.zeros((len(arrays.mass), 9))
         self.exchange.scatter(found, nodal)
-        moved, faster, acceleration, impulse, link = (nodal[on, 3 * k : 3 * k + 3] for k in range(5))
+        moved, faster, acceleration = np.hsplit(nodal[on], 3)
         mesh.displacement[on] += moved
         mesh.velocity[on] += faster
         arrays.work[0] += np.vdot(arrays.external[on], moved)
-        arrays.link[on] = link
         finish(arrays, mesh.internal_force(mesh.displacement), self.damping, step)
-        # bring the impulse on the nodes of the zone to that of the trapezoidal rule
-        missing = 0.5 * step * (start + gather(arrays.force)) - found[:, 9:12]
+        missing = self.fine.missing(step)
         kick = self.fine.solve(missing)
         self._interface += self._uncounted(found, missing, kick, start + gather(arrays.force), gather(mesh.velocity))
         faster = np.zeros_like(arrays.mass)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from bridge.blocks import row_times
 from bridge.overlap.mass import product, solve
-from bridge.subcycling import pull_nodes
 from bridge.substeps import forces, list_used_up, predict
 from particles.motion import drift, kick, kick_drift, moved
 from particles.system import INNER, OUTER
@@ -40,7 +40,7 @@ class ZoneNodes(NamedTuple):
     start: np.ndarray  # force of the continuum at the coarse time, N
     slope: np.ndarray  # its change by the motion of the neighbours, N/s
     force: np.ndarray  # its present value, N
-    impulse: np.ndarray  # of it since the coarse time, N s
+    swept: np.ndarray  # integral of `moved` since the coarse time, m s
     link: np.ndarray  # force of the particles, N
     base: np.ndarray  # displacement at the coarse time, m and rad
     moved: np.ndarray  # displacement since
@@ -161,10 +161,20 @@ def _start_nodes(nodes, mass, damping, h):
     acceleration -= damping * velocity
     if damping > 0.0:
         nodes.lost[0] += 0.5 * h * damping * product(mass, velocity, velocity + 0.5 * h * acceleration)
-    nodes.impulse[:] = 0.5 * h * nodes.start
+    nodes.swept[:] = 0.0
     velocity += 0.5 * h * acceleration
     nodes.work[0] = 0.5 * h * np.dot(nodes.start.ravel(), velocity)
     nodes.moved[:] = h * nodes.velocity
+
+
+@njit(**INNER)
+def _pull_nodes(nodes, stiffness, time, weight):
+    """Force of the continuum at a time (s) since the coarse time; `weight` (s) is that of the time integral."""
+    for i in range(nodes.force.shape[0]):
+        own = row_times(stiffness, i, nodes.moved)
+        for c in range(3):
+            nodes.force[i, c] = nodes.start[i, c] + nodes.slope[i, c] * time - own[c]
+            nodes.swept[i, c] += weight * nodes.moved[i, c]
 
 
 @njit(**INNER)
@@ -206,7 +216,7 @@ def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, h, st
         forces(system, terms, linear, h)
         _feel(system, tied, nodes.link.ravel())
         last = j == steps - 1
-        pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
+        _pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
         _kick_nodes(nodes, mass, damping, h, last)
         if last:
             kick(system, terms, h)
@@ -235,7 +245,7 @@ def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, 
         forces(system, terms, linear, h)
         _stretch(system, tied, nodes)
         last = j == steps - 1
-        pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
+        _pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
         _kick_nodes(nodes, mass, damping, h, last)
         if last:
             kick(system, terms, h)
