@@ -35,6 +35,7 @@ from particles.walls.wall import Wall
 
 _advance, _stale, _runaway = Direct(motion.advance), Direct(motion.stale), Direct(motion.runaway)
 
+WHOLE = 1e6  # share of contacts that makes those with any other particle count in full
 SKIN, THINNEST = 0.12, 0.01  # skin that is not given, as a share of the mean radius: at first, and later at least
 SKIN_NUMBERS = {2: 10.0, 3: 4.0}  # see `particles.motion.fitting_skin`
 
@@ -282,11 +283,11 @@ class Assembly:
         if self._external is not None:
             external = np.ascontiguousarray(self._external[self._ids])
             if self._system.share is not None:
-                external *= self._system.share[:, :1]
+                external *= np.minimum(self._system.share[:, :1], 1.0)
             self._system = self._system._replace(external=external)
         self._primed = None
 
-    def weigh(self, contacts: Any, masses: Any) -> None:
+    def weigh(self, contacts: Any, masses: Any, whole: Any = False) -> None:
         """Let the particles carry only a share of the body, where a continuum carries the rest.
 
         From now on forces, torques, energies and losses of a contact between two particles count by the share of its two
@@ -297,6 +298,7 @@ class Assembly:
         Args:
             contacts: (n,) share of contacts and external forces at each particle, 0 to 1.
             masses: (n,) share of mass and inertia, above 0 up to 1.
+            whole: (n,) True for particles all of whose contacts count in full.
 
         Raises:
             ValueError: shares out of range.
@@ -305,6 +307,7 @@ class Assembly:
         if self.count and not (shares.min() >= 0.0 and shares.max() <= 1.0 and shares[:, 1].min() > 0.0):
             raise ValueError(f"shares from {shares.min():g} to {shares.max():g} must lie in [0, 1], those of masses above 0")
         before = self._mechanical()
+        shares[:, 0] += np.where(whole, WHOLE, 0.0)
         shares = np.ascontiguousarray(shares[self._ids])
         old = 1.0 if self._system.share is None else self._system.share[self._rows, 1]
         change = shares[self._rows, 1] / old

@@ -68,13 +68,13 @@ def _gather_masses(scratch, massive, lightness, share, first, second, at, count)
 
 @njit(**KERNEL)
 def _gather_shares(scratch, share, position, first, second, at, count):
-    """Share of each contact: that of the particles, linear from centre to centre, at the contact point."""
+    """Share of each contact: that of the particles, linear from centre to centre, at the contact point, and at most 1."""
     if share is None:
         return
     for c in range(count):
         i, j = first[at + c], second[at + c]
         a, b = position[i, 3], position[j, 3]
-        scratch[_SHARE + c] = (share[i, 0] * b + share[j, 0] * a) / (a + b)
+        scratch[_SHARE + c] = min(1.0, (share[i, 0] * b + share[j, 0] * a) / (a + b))
 
 
 @njit(**INLINE)

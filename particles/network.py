@@ -70,7 +70,7 @@ def shares(soil: Assembly, contacts: Contacts) -> np.ndarray:
     radii, pairs = radii_of(soil, contacts), contacts.plate < 0
     one, other = of_particle[contacts.first], of_particle[np.where(pairs, contacts.second, 0)]
     a, b = radii.T
-    return np.where(pairs, (one * b + other * a) / (a + b), 1.0)
+    return np.where(pairs, np.minimum((one * b + other * a) / (a + b), 1.0), 1.0)
 
 
 def stiffnesses(soil: Assembly, contacts: Contacts) -> np.ndarray:

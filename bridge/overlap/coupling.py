@@ -92,7 +92,7 @@ class Overlap:
         self.tie = Tie(body, soil, zone, rotation)
         on_every_rank(body.comm, lambda: _check_held(soil, self.tie.ids))
         self.exchange = self.tie.exchange
-        soil.weigh(self.tie.share, self.tie.mass_share)
+        soil.weigh(self.tie.share, self.tie.mass_share, np.isin(np.arange(soil.count), self.tie.ids, invert=True))
         springs = None
         if constraint == "penalty":
             springs = penalty * self.tie.spring_shares(normal_stiffness(soil), soil.radii)
@@ -104,8 +104,8 @@ class Overlap:
         self._initial = self._terms()
 
     def critical_step(self) -> float:
-        """Largest stable particle step, s (collective): particles, nodes of the zone and ties, the other nodes held."""
-        return self.body.comm.allreduce(limit.fine_step(self.fine), op=MPI.MIN)
+        """Largest stable particle step, s (collective): particles, ties and the nodes that take this step."""
+        return self.body.comm.allreduce(limit.fine_step(self), op=MPI.MIN)
 
     def _check_steps(self) -> None:
         """Raise a ValueError where a step exceeds what its side can take by itself (collective)."""

@@ -40,16 +40,11 @@ class ZoneParticles(ParticleSide):
         count, width = len(tie.ids), len(tie.exchange.nodes)
         self.masses = np.column_stack([soil.masses, soil.masses, soil.inertias])[tie.ids]
         self.stiffness = np.zeros((count, 3)) if stiffness is None else np.where(tie.tied, stiffness, 0.0)
-        self.force, self._work = np.zeros((count, 3)), np.zeros(1)
+        self.force, self._origin = np.zeros((count, 3)), np.zeros((count, 3))
         self.nodes = ZoneNodes(*(np.zeros((width, 3)) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1))
-        whole = self.masses / tie.mass_share[tie.ids, None] * [*gravity, 0.0]
-        self.weight = tie.share[tie.ids, None] * (whole + soil.external_forces[tie.ids])  # loads that are the particles' part
         self.external = soil.external_forces[tie.ids]
-        # eliminated: the nodes take the loads; else the particles, without what the floor of their masses adds
-        carried = self.masses * [*gravity, 0.0]
-        given = tie.share[tie.ids, None] * soil.external_forces[tie.ids]
-        self._load = np.where(tie.tied, carried + given - (0.0 if self.eliminated else self.weight), 0.0)
-        self._origin = np.zeros((count, 3))
+        loads = self.masses * [*gravity, 0.0] + tie.share[tie.ids, None] * self.external
+        self.load = np.where(tie.tied & self.eliminated, loads, 0.0)  # of the mesh, where components are eliminated
 
     def set_nodes(
         self, mass: Array, movable: NDArray[np.bool_], stiffness: sparse.csr_matrix, edge: sparse.csr_matrix, displacement: Array
@@ -63,11 +58,11 @@ class ZoneParticles(ParticleSide):
             edge: The part of it that is of cells with other nodes, too.
             displacement: Of the nodes (w, 3).
         """
-        matrix, tie = sparse.diags(mass.ravel()), self.tie.matrix
+        self.lumped, tie = mass.ravel(), self.tie.matrix
+        matrix = sparse.diags(self.lumped)
         if self.eliminated:
             matrix = matrix + tie.T @ sparse.diags(self.masses.ravel()) @ tie
-        self.mass_matrix = sparse.csr_matrix(matrix)
-        self.mass = factored(self.mass_matrix, np.flatnonzero(movable.ravel() & (self.mass_matrix.diagonal() > 0.0)))
+        self.mass = factored(matrix, np.flatnonzero(movable.ravel() & (matrix.diagonal() > 0.0)))
         self.continuum_stiffness, self._edge = stiffness, edge
         self._inner = blocks(stiffness)
         if self.soil.count:
@@ -80,7 +75,7 @@ class ZoneParticles(ParticleSide):
         matrix = self.tie.matrix
         self._led = Tied(
             rows[self.tie.ids].astype(np.int64), matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64), matrix.data,
-            self._load, self._origin, self.stiffness, self.force, self._work,
+            self.load, self._origin, self.stiffness, self.force,
         )  # fmt: skip
 
     def run(self, displacement: Array, velocity: Array, force: Array, slope: Array, steps: int) -> Array:
@@ -124,6 +119,11 @@ class ZoneParticles(ParticleSide):
             _solve(self.mass, flat)
         return flat.reshape(-1, 3)
 
+    def kick(self, velocity: Array) -> None:
+        """Add a change of the nodes' velocity (w, 3) to the components that follow them."""
+        if self.eliminated and self.soil.count:
+            self.soil.system.velocity[self._led.rows, :3] += (self.tie.matrix @ velocity.ravel()).reshape(-1, 3)
+
     def follow_mesh(self, displacement: Array, velocity: Array) -> None:
         """Put eliminated components where the nodal motion (w, 3) says; with linear contacts, compute the forces anew."""
         if not self.soil.count:
@@ -144,12 +144,12 @@ class ZoneParticles(ParticleSide):
         """As for all couplings; loads are left out, and the state without stretch is that of the reference positions."""
         super().linearise(stiffness)
         if self.linear is not None:
-            self._load[:] = 0.0
+            self.load[:] = 0.0
             self._origin[:] = np.where(self.tie.tied, self._reference[self._led.rows], 0.0)
 
     def own_arrays(self) -> list[Array]:
         """Arrays of this class that a linear analysis writes (kept and restored around it)."""
-        return [self.force, self._work, self.nodes.lost, self.nodes.work, self._load, self._origin]
+        return [self.force, self.nodes.lost, self.nodes.work, self.load, self._origin]
 
     def stretch(self, displacement: Array) -> Array:
         """Motion of the tied particles beyond that of the mesh (g, 3), m and rad; zero for components that are free."""
@@ -164,7 +164,6 @@ class ZoneParticles(ParticleSide):
         if not self.soil.count:
             return [0.0] * len(self.ENERGY_NAMES)
         sums = self._sums()
-        sums["external"] += float(self._work[0])
         sums["mass_damping"] += float(self.nodes.lost[0])
         sums["penalty"] = 0.5 * float(np.vdot(self.stiffness, self.stretch(displacement) ** 2))
         system = self.soil.system
@@ -177,7 +176,7 @@ class ZoneParticles(ParticleSide):
             return np.zeros_like(force)
         system, rows, tie = self.soil.system, self._led.rows, self.tie
         if self.eliminated:
-            felt = np.where(tie.tied, system.force[rows, :3] - self._load, 0.0)
+            felt = np.where(tie.tied, system.force[rows, :3] - self.load, 0.0)
             force = force + (tie.matrix.T @ felt.ravel()).reshape(-1, 3)
         found = self.solve(force)
         if self.eliminated:

@@ -12,47 +12,59 @@ DENSE = 60  # components up to which all eigenvalues are computed
 TOUCHING = 1e-6  # gap, in sums of radii, up to which particles are in contact
 
 
-def fine_step(fine) -> float:
-    """Critical step (s) of the particles, of the nodes of the zone and of what ties them, the other nodes held.
+def fine_step(coupled) -> float:
+    """Critical step (s) of the particles, of the nodes that take their steps and of what ties them, other nodes held.
 
     2 / (largest frequency) of the sticking network and the continuum among those nodes (Lanczos), shortened by
-    dashpots as in `particles.stability.critical_step`. Infinity on a rank without particles.
+    dashpots as in `particles.stability.critical_step`. With one substep on one rank the nodes are all nodes, and the step is
+    that of the whole system. Infinity on a rank without particles.
     """
-    if not fine.soil.count:
+    soil = coupled.soil
+    if not soil.count:
         return np.inf
-    stiffness, mass = system(fine)
-    value = _largest(stiffness, mass)
-    if not value > 0.0:
-        return np.inf
-    return 2.0 / np.sqrt(value) * _shortening(fine.soil)
+    square = _largest(*system(coupled))
+    return float(2.0 / np.sqrt(square) * _shortening(soil)) if square > 0.0 else np.inf
 
 
-def system(fine) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+def system(coupled) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
     """Stiffness and mass of the components that take the particles' steps, those that do not move left out."""
-    soil, tie = fine.soil, fine.tie
-    count, nodes = 3 * soil.count, tie.matrix.shape[1]
+    fine, tie = coupled.fine, coupled.tie
+    stiffness, lumped, free, nodes = _nodes(coupled)
+    matrix = tie.matrix @ nodes
+    soil, count = fine.soil, 3 * fine.soil.count
     own = (3 * tie.ids[:, None] + np.arange(3)).ravel()
     weights = np.column_stack([soil.masses, soil.masses, soil.inertias]).ravel()
     contacts = soil.stiffness_matrix(TOUCHING, walls=True)
     at = sparse.csr_matrix((np.ones(len(own)), (np.arange(len(own)), own)), shape=(len(own), count))
+    alone = np.arange(count)
     if fine.eliminated:
-        # all components of particles from those that are free and the nodes
-        led = np.zeros(count, dtype=bool)
-        led[own[fine.tie.tied.ravel()]] = True
-        free = np.flatnonzero(~led)
-        alone = sparse.csr_matrix((np.ones(len(free)), (free, np.arange(len(free)))), shape=(count, len(free)))
-        motion = sparse.hstack([alone, at.T @ tie.matrix])
-        stiffness = motion.T @ contacts @ motion
-        mass = sparse.block_diag([sparse.diags(weights[free]), fine.mass_matrix])
-    else:
-        free = np.arange(count)
-        gap = sparse.hstack([at, -tie.matrix])
-        stiffness = sparse.block_diag([contacts, sparse.csr_matrix((nodes, nodes))])
-        stiffness = stiffness + gap.T @ sparse.diags(fine.stiffness.ravel()) @ gap
-        mass = sparse.block_diag([sparse.diags(weights), fine.mass_matrix])
-    stiffness = stiffness + sparse.block_diag([sparse.csr_matrix((len(free), len(free))), fine.continuum_stiffness])
-    kept = np.concatenate([np.arange(len(free)), len(free) + fine.mass.free])
-    return sparse.csr_matrix(stiffness)[kept][:, kept], sparse.csr_matrix(mass)[kept][:, kept]
+        alone = np.setdiff1d(alone, own[tie.tied.ravel()])
+        lumped = lumped + matrix.T @ sparse.diags(fine.masses.ravel()) @ matrix
+    # all components of the particles from those that move alone and the nodes
+    by_itself = sparse.csr_matrix((np.ones(len(alone)), (alone, np.arange(len(alone)))), shape=(count, len(alone)))
+    motion = sparse.hstack([by_itself, at.T @ matrix if fine.eliminated else sparse.csr_matrix((count, matrix.shape[1]))])
+    whole = motion.T @ contacts @ motion
+    whole = whole + sparse.block_diag([sparse.csr_matrix((len(alone),) * 2), stiffness])
+    if not fine.eliminated:
+        gap = sparse.hstack([at, -matrix])
+        whole = whole + gap.T @ sparse.diags(fine.stiffness.ravel()) @ gap
+    mass = sparse.block_diag([sparse.diags(weights[alone]), lumped])
+    kept = np.concatenate([np.arange(len(alone)), len(alone) + np.flatnonzero(free & (lumped.diagonal() > 0.0))])
+    return sparse.csr_matrix(whole)[kept][:, kept], sparse.csr_matrix(mass)[kept][:, kept]
+
+
+def _nodes(coupled):
+    """Stiffness, lumped mass, free components of the nodes that take the particles' steps; zone's components from them."""
+    fine, mesh, own = coupled.fine, coupled.mesh, coupled.exchange.nodes
+    size = 3 * len(own)
+    if coupled.substeps > 1 or mesh.comm.size > 1:
+        free = np.zeros(size, dtype=bool)
+        free[fine.mass.free] = True
+        return fine.continuum_stiffness, sparse.diags(fine.lumped), free, sparse.identity(size, format="csr")
+    places = (3 * own[:, None] + np.arange(3)).ravel()
+    select = sparse.csr_matrix((np.ones(size), (np.arange(size), places)), shape=(size, mesh.mass.size))
+    everywhere = mesh.stiffness_matrix(np.arange(len(mesh.mass)))
+    return everywhere, sparse.diags(mesh.mass.ravel()), ~mesh.fixed.ravel(), select
 
 
 def _largest(stiffness: sparse.csr_matrix, mass: sparse.csr_matrix) -> float:

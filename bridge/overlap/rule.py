@@ -21,8 +21,7 @@ class OverlapRule:
         self.step, self.damping = coupled.step, coupled.mass_damping
         self.moves_prescribed = mesh.moves_prescribed
         self.external = mesh.external_force().copy()
-        if fine.eliminated:
-            exchange.scatter((fine.tie.matrix.T @ fine.weight.ravel()).reshape(-1, 3), self.external)
+        exchange.scatter((fine.tie.matrix.T @ fine.load.ravel()).reshape(-1, 3), self.external)
         movable = (mesh.mass > 0.0) & ~mesh.fixed
         on = np.zeros((len(mesh.mass), 1))
         exchange.scatter(np.ones((len(exchange.nodes), 1)), on)
@@ -90,6 +89,7 @@ class OverlapRule:
         missing = self.fine.missing(step)
         kick = self.fine.solve(missing)
         self._interface += self._uncounted(found, missing, kick, start + gather(arrays.force), gather(mesh.velocity))
+        self.fine.kick(kick)
         faster = np.zeros_like(arrays.mass)
         self.exchange.scatter(kick, faster)
         mesh.velocity += faster

@@ -27,11 +27,10 @@ class Tied(NamedTuple):
     start: np.ndarray  # (3 g + 1,); a component with an empty line is not tied
     column: np.ndarray
     value: np.ndarray
-    load: np.ndarray  # (g, 3): part of the force on a particle that is left out (the mesh carries it), N and N m
+    load: np.ndarray  # (g, 3): part of the force on an eliminated component that is a load of the mesh, N and N m
     origin: np.ndarray  # (g, 3): place of the particle where nothing has moved, m and rad
     stiffness: np.ndarray  # (g, 3): of the springs, N/m and N m/rad
-    force: np.ndarray  # (g, 3): of the contacts (tied) or of the springs (penalty) at the last evaluation
-    work: np.ndarray  # (1,): of `load` on particles that move by themselves, J
+    force: np.ndarray  # (g, 3): of the contacts (eliminated) or of the springs (penalty) at the last evaluation
 
 
 class ZoneNodes(NamedTuple):
@@ -103,7 +102,7 @@ def _show_forces(system, tied):
 
 @njit(**INNER)
 def _stretch(system, tied, nodes):
-    """Forces of the springs: on the tied particles, and as their reactions on the nodes; `load` is taken off the particles."""
+    """Forces of the springs: on the tied particles, and as their reactions on the nodes."""
     link, base, since = nodes.link.ravel(), nodes.base.ravel(), nodes.moved.ravel()
     link[:] = 0.0
     for k in range(tied.rows.size):
@@ -117,7 +116,7 @@ def _stretch(system, tied, nodes):
                 gap -= tied.value[s] * (base[tied.column[s]] + since[tied.column[s]])
             force = tied.stiffness[k, c] * gap
             tied.force[k, c] = force
-            system.force[row, c] -= force + tied.load[k, c]
+            system.force[row, c] -= force
             for s in range(tied.start[line], tied.start[line + 1]):
                 link[tied.column[s]] += tied.value[s] * force
 
@@ -128,7 +127,7 @@ def _relax(system, tied):
     for k in range(tied.rows.size):
         for c in range(3):
             if tied.start[3 * k + c] < tied.start[3 * k + c + 1]:
-                system.force[tied.rows[k], c] += tied.force[k, c] + tied.load[k, c]
+                system.force[tied.rows[k], c] += tied.force[k, c]
 
 
 @njit(**INNER)
@@ -140,16 +139,6 @@ def _accelerate(system, tied, damping):
             if tied.start[3 * k + c] < tied.start[3 * k + c + 1]:
                 drag = damping * system.velocity[row, c]
                 system.acceleration[row, c] = system.force[row, c] * system.lightness[row, c] - drag
-
-
-@njit(**INNER)
-def _book(system, tied, h):
-    """Work of the loads that are left out, which the loops over all particles have booked over the step just moved."""
-    power = 0.0
-    for k in range(tied.rows.size):
-        for c in range(3):
-            power += tied.load[k, c] * system.velocity[tied.rows[k], c]
-    tied.work[0] -= h * power
 
 
 @njit(**INNER)
@@ -238,7 +227,6 @@ def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, 
         _relax(system, tied)
         _start_nodes(nodes, mass, damping, h)
         drift(system, terms, h)
-        _book(system, tied, h)
     for j in range(max(first, 0), steps):
         if list_used_up(system, linear):
             return j
@@ -252,5 +240,4 @@ def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, 
             _relax(system, tied)
         else:
             kick_drift(system, terms, h)
-            _book(system, tied, h)
     return steps

@@ -12,8 +12,8 @@ from bridge.interpolation import NodeExchange, on_every_rank
 
 Array = NDArray[np.float64]
 
-LEAST_SHARE = 1e-6  # of the continuum, at a particle that is tied
-LEAST_MASS = 1e-3  # share of its mass that a particle keeps, though it had no contact
+ON_FACE = 1e-6  # distance from a face, in radii, that counts as on it
+LEAST = 1e-3  # share that a particle keeps, though it had no contact
 NEAR = 0.02  # gap, in sums of radii, up to which two particles count as neighbours
 ROTATIONS = ("micro", "curl", "free")
 
@@ -26,7 +26,7 @@ class Tie:
         exchange: NodeExchange of the w needed nodes.
         matrix: G (3 g, 3 w), motion of the tied particles from that of the nodes; an empty row is a free component.
         share: (n,) share of contacts and loads that particles carry, 1 - alpha.
-        mass_share: (n,) share of their mass.
+        mass_share: (n,) share of their mass, 1 - alpha with a floor.
 
     Args:
         body: Continuum.
@@ -43,8 +43,8 @@ class Tie:
         alpha = zone(soil.reference) if soil.count else np.zeros(0)
         on_every_rank(body.comm, lambda: _check_place(soil, zone))
         self.share = 1.0 - alpha
-        self.mass_share = _mass_shares(soil, self.share)
-        self.ids = np.flatnonzero(alpha > LEAST_SHARE)
+        self.mass_share, self._mesh_share = (_with_floor(soil, share) for share in (self.share, alpha))
+        self.ids = np.flatnonzero(_in_zone(soil, zone))
         if body.comm.allreduce(len(self.ids)) == 0:
             raise ValueError("no particle lies in the overlap zone: move its faces, or fill it with particles")
         points = soil.reference[self.ids].reshape(-1, 2)
@@ -58,7 +58,7 @@ class Tie:
 
         Particle and mesh carry 1 - alpha and alpha of a mass, so that every spring swings as fast as a contact does.
         """
-        both = ((1.0 - self.share) * self.mass_share * stiffness)[self.ids, None]
+        both = (self._mesh_share * self.mass_share * stiffness)[self.ids, None]
         return both * np.column_stack([np.ones((len(self.ids), 2)), radii[self.ids] ** 2])
 
     @property
@@ -87,10 +87,17 @@ def _tie_matrix(columns, shape: Array, width: int, rotation: str) -> sparse.csr_
     return matrix
 
 
+def _in_zone(soil: Any, zone: Any) -> NDArray[np.bool_]:
+    """Mask (n,) of the particles with their centre in the zone, both faces included."""
+    if not soil.count:
+        return np.zeros(0, dtype=bool)
+    return zone.distances(soil.reference)[0] > -ON_FACE * soil.radii
+
+
 def _check_place(soil: Any, zone: Any) -> None:
     if not soil.count:
         return
-    beyond = zone.distances(soil.reference)[1] < -1e-6 * soil.radii
+    beyond = zone.distances(soil.reference)[1] < -ON_FACE * soil.radii
     if beyond.any():
         first = int(np.flatnonzero(beyond)[0])
         raise ValueError(
@@ -108,9 +115,9 @@ def _check_found(ids, points: Array, found: NDArray[np.bool_]) -> None:
         )
 
 
-def _mass_shares(soil: Any, share: Array) -> Array:
-    """Share of the mass of each particle (n,): that of its place, but half the largest share of its contacts at least."""
-    least = np.full(len(share), LEAST_MASS)
+def _with_floor(soil: Any, share: Array) -> Array:
+    """Share of each particle (n,) that is at least half the largest share of its contacts: none goes without mass."""
+    least = np.full(len(share), LEAST)
     if soil.count:
         found, radii = soil.contacts(contact_range=NEAR), soil.radii
         i, j = found.first, found.second
