@@ -41,7 +41,7 @@ class ZoneParticles(ParticleSide):
         self.masses = np.column_stack([soil.masses, soil.masses, soil.inertias])[tie.ids]
         self.stiffness = np.zeros((count, 3)) if stiffness is None else np.where(tie.tied, stiffness, 0.0)
         self.force, self._origin = np.zeros((count, 3)), np.zeros((count, 3))
-        self.nodes = ZoneNodes(*(np.zeros((width, 3)) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1))
+        self.nodes = ZoneNodes._make([*(np.zeros((width, 3)) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1)])
         self.external = soil.external_forces[tie.ids]
         loads = self.masses * [*gravity, 0.0] + tie.share[tie.ids, None] * self.external
         self.load = np.where(tie.tied & self.eliminated, loads, 0.0)  # of the mesh, where components are eliminated

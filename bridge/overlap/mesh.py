@@ -19,9 +19,8 @@ class ThreeComponents:
 
     def __init__(self, body: Any):
         self.body, self.comm, self.same = body, body.comm, body.components == 3
-        motion = body.displacement, body.velocity, body.acceleration
-        self.displacement, self.velocity, self.acceleration = motion if self.same else map(self._padded, motion)
-        self.mass = self._padded(body.mass)
+        self.displacement, self.velocity = self._padded(body.displacement), self._padded(body.velocity)
+        self.acceleration, self.mass = self._padded(body.acceleration), self._padded(body.mass)
 
     @property
     def fixed(self) -> NDArray[np.bool_]:
