@@ -112,7 +112,8 @@ def normal_stiffness(soil: Assembly, overlap: float = 1e-3) -> np.ndarray:
     for (a, b), law in soil.laws.items():
         these = np.arange(soil.count) if ids is None else np.flatnonzero((ids == a) & (ids == b))
         r = radii[these]
-        found[these] = law.stiffness(overlap * r, np.column_stack([r, r]), 0.5 * r)[:, 0]
+        history = soil._laws.by_channel(np.zeros((len(soil._laws.columns), len(these))))
+        found[these] = law.stiffness(overlap * r, np.column_stack([r, r]), 0.5 * r, history)[:, 0]
     return found
 
 

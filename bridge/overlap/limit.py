@@ -83,7 +83,7 @@ def _largest(stiffness: sparse.csr_matrix, mass: sparse.csr_matrix) -> float:
 
 def _shortening(soil) -> float:
     """Factor of the critical step by dashpots, that of the particles by themselves."""
-    if soil.system.predicted is None:
+    if soil.terms().viscous is None:
         return 1.0
     square = largest_eigenvalue(soil.stiffness_matrix(TOUCHING, walls=True), soil.masses, soil.inertias)
     return float(soil.critical_step(sharp=True, contact_range=TOUCHING) * np.sqrt(square) / 2.0)

@@ -15,7 +15,7 @@ from numba import njit
 
 from bridge.blocks import row_times
 from bridge.overlap.mass import product, solve
-from bridge.substeps import forces, list_used_up, predict
+from bridge.substeps import forces, list_used_up
 from particles.motion import drift, kick, kick_drift, moved
 from particles.system import INNER, OUTER
 
@@ -87,7 +87,6 @@ def _carry(system, tied, nodes, h):
             system.acceleration[row, c] = a
             system.position[row, c] += h * v
         fastest = max(fastest, system.velocity[row, 0] ** 2 + system.velocity[row, 1] ** 2)
-    predict(system.predicted, system, tied, h)
     moved(system, h * np.sqrt(fastest))
 
 
