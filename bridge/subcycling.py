@@ -75,7 +75,7 @@ def _start_nodes(nodes, damping, h):
 
 
 @njit(**INNER)
-def pull_nodes(nodes, stiffness, time, weight):
+def _pull_nodes(nodes, stiffness, time, weight):
     """Force of the continuum at a time (s) since the coarse time; `weight` (s) is that of its impulse."""
     for i in range(nodes.force.shape[0]):
         own = row_times(stiffness, i, nodes.moved)
@@ -129,7 +129,7 @@ def run_subcycled(system, terms, linear, ghosts, nodes, stiffness, damping, h, s
         forces(system, terms, linear, h)
         take_link(system, ghosts, nodes.link)
         last = j == steps - 1
-        pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
+        _pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
         _kick_nodes(nodes, damping, h, last)
         if last:
             kick(system, terms, h)

@@ -6,9 +6,9 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from bridge.blocks import blocks
-from bridge.overlap.mass import factored, solve
-from bridge.overlap.steps import Tied, ZoneNodes, run_penalised, run_tied
+from bridge.overlap.mass import factored, rows_of, solve
+from bridge.overlap.nodes import ZoneNodes
+from bridge.overlap.steps import Tied, run_penalised, run_tied
 from bridge.overlap.tie import Tie
 from bridge.particle_side import ParticleSide
 from particles.dispatch import Direct
@@ -41,7 +41,7 @@ class ZoneParticles(ParticleSide):
         self.masses = np.column_stack([soil.masses, soil.masses, soil.inertias])[tie.ids]
         self.stiffness = np.zeros((count, 3)) if stiffness is None else np.where(tie.tied, stiffness, 0.0)
         self.force, self._origin = np.zeros((count, 3)), np.zeros((count, 3))
-        self.nodes = ZoneNodes._make([*(np.zeros((width, 3)) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1)])
+        self.nodes = ZoneNodes._make([*(np.zeros(3 * width) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1)])
         self.external = soil.external_forces[tie.ids]
         loads = self.masses * [*gravity, 0.0] + tie.share[tie.ids, None] * self.external
         self.load = np.where(tie.tied & self.eliminated, loads, 0.0)  # of the mesh, where components are eliminated
@@ -64,7 +64,7 @@ class ZoneParticles(ParticleSide):
             matrix = matrix + tie.T @ sparse.diags(self.masses.ravel()) @ tie
         self.mass = factored(matrix, np.flatnonzero(movable.ravel() & (matrix.diagonal() > 0.0)))
         self.continuum_stiffness, self._edge = stiffness, edge
-        self._inner = blocks(stiffness)
+        self._inner = rows_of(stiffness)
         if self.soil.count:
             self._prepare(1)
             self._origin[:] = self.soil.system.position[self._led.rows, :3]
@@ -94,10 +94,12 @@ class ZoneParticles(ParticleSide):
         if not self.soil.count:
             return np.zeros((len(velocity), 9))
         self._prepare(steps)
-        nodes.base[:], nodes.velocity[:], nodes.start[:], nodes.slope[:] = displacement, velocity, force, slope
+        nodes.base[:], nodes.velocity[:] = displacement.ravel(), velocity.ravel()
+        nodes.start[:], nodes.slope[:] = force.ravel(), slope.ravel()
         kernel = _run_tied if self.eliminated else _run_penalised
         self.run_loop(kernel, steps, (nodes, self._inner, self.mass, self.mass_damping), ())
-        return np.hstack([nodes.moved, nodes.velocity - velocity, nodes.acceleration])
+        moved, reached, acceleration = (part.reshape(-1, 3) for part in (nodes.moved, nodes.velocity, nodes.acceleration))
+        return np.hstack([moved, reached - velocity, acceleration])
 
     def missing(self, step: float) -> Array:
         """Impulse (w, 3) that cells at the edge of the zone lack in a coarse step to that of the trapezoidal rule, N s.
@@ -105,7 +107,7 @@ class ZoneParticles(ParticleSide):
         Within the step the nodes of the zone feel them at every fine time, those outside at both ends.
         """
         nodes = self.nodes
-        return (self._edge @ (nodes.swept - 0.5 * step * nodes.moved).ravel()).reshape(-1, 3)
+        return (self._edge @ (nodes.swept - 0.5 * step * nodes.moved)).reshape(-1, 3)
 
     @property
     def worked(self) -> float:

@@ -41,24 +41,26 @@ def factored(matrix: sparse.spmatrix, free: NDArray[np.int64]) -> Mass:
     """
     inner = sparse.csc_matrix(sparse.csr_matrix(matrix)[free][:, free])
     if not len(free):
-        none = _rows(inner)
+        none = rows_of(inner)
         return Mass(free, none, none, none, np.ones(0), free, free, np.ones(0))
     options = {"SymmetricMode": True}
     lu = sparse_linalg.splu(inner, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     lower, upper = sparse.tril(lu.L, -1), sparse.triu(lu.U, 1)
     return Mass(
-        free, _rows(inner), _rows(lower), _rows(upper), lu.U.diagonal(), lu.perm_r.astype(np.int64),
+        free, rows_of(inner), rows_of(lower), rows_of(upper), lu.U.diagonal(), lu.perm_r.astype(np.int64),
         lu.perm_c.astype(np.int64), np.zeros(len(free)),
     )  # fmt: skip
 
 
-def _rows(matrix: sparse.spmatrix) -> Rows:
+def rows_of(matrix: sparse.spmatrix) -> Rows:
+    """The matrix by rows."""
     matrix = sparse.csr_matrix(matrix)
     return Rows(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64), matrix.data.astype(np.float64))
 
 
 @njit(**INNER)
-def _minus_row(rows, i, values, total):
+def minus_row(rows, i, values, total):
+    """`total` less the product of row i with values (flat)."""
     for k in range(rows.start[i], rows.start[i + 1]):
         total -= rows.value[k] * values[rows.column[k]]
     return total
@@ -70,11 +72,12 @@ def solve(mass, values):
     room = mass.room
     for i in range(room.size):
         room[mass.row_order[i]] = values[mass.free[i]]
-    values[:] = 0.0
+    for i in range(values.size):
+        values[i] = 0.0
     for i in range(room.size):
-        room[i] = _minus_row(mass.lower, i, room, room[i])
+        room[i] = minus_row(mass.lower, i, room, room[i])
     for i in range(room.size - 1, -1, -1):
-        room[i] = _minus_row(mass.upper, i, room, room[i]) / mass.pivot[i]
+        room[i] = minus_row(mass.upper, i, room, room[i]) / mass.pivot[i]
     for i in range(room.size):
         values[mass.free[i]] = room[mass.column_order[i]]
 

@@ -75,6 +75,7 @@ class OverlapRule:
         if self.moves_prescribed:
             end = mesh.prescribed_velocity(time + step)[fixed]
             mesh.velocity[fixed] = 0.5 * (mesh.prescribed_velocity(time)[fixed] + end)
+        before = arrays.force.copy() if self.damping else arrays.force
         move_others(arrays, self.damping, step)
         slope = mesh.internal_force(arrays.increment) / -step
         start = gather(arrays.force)
@@ -86,6 +87,9 @@ class OverlapRule:
         mesh.velocity[on] += faster
         arrays.work[0] += np.vdot(arrays.external[on], moved)
         finish(arrays, mesh.internal_force(mesh.displacement), self.damping, step)
+        if self.damping:  # of the middle of the step, on the velocities at its ends
+            change = np.where(arrays.inverse_mass > 0.0, arrays.force - before, 0.0)
+            arrays.lost[0] += 0.25 * step * self.damping * np.vdot(change, arrays.increment)
         missing = self.fine.missing(step)
         kick = self.fine.solve(missing)
         self._interface += self._uncounted(found, missing, kick, start + gather(arrays.force), gather(mesh.velocity))
@@ -107,7 +111,9 @@ class OverlapRule:
         mesh = self.mesh
         kinetic = 0.5 * np.vdot(mesh.mass * mesh.velocity, mesh.velocity)
         strain = 0.5 * np.vdot(mesh.displacement, self.external - self.force)
-        squares = self._arrays.mass * mesh.acceleration**2
+        undamped = mesh.acceleration + self.damping * mesh.velocity
+        undamped[self._on] = mesh.acceleration[self._on]
+        squares = self._arrays.mass * undamped**2
         zone = squares[self._on].sum() * (1.0 / self.coupled.substeps**2 - 1.0)
         stepping = self.step**2 / 8.0 * (squares.sum() + zone)
         return np.array([kinetic, strain, self._lost[0], self._work[0], self._interface[0], stepping])

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from bridge.blocks import row_times
-from bridge.overlap.mass import product, solve
+from bridge.overlap.nodes import kick_nodes, pull_nodes, start_nodes
 from bridge.substeps import forces, list_used_up
 from particles.motion import drift, kick, kick_drift, moved
 from particles.system import INNER, OUTER
@@ -33,26 +32,11 @@ class Tied(NamedTuple):
     force: np.ndarray  # (g, 3): of the contacts (eliminated) or of the springs (penalty) at the last evaluation
 
 
-class ZoneNodes(NamedTuple):
-    """Nodes of the zone within a coarse step, (w, 3) each."""
-
-    start: np.ndarray  # force of the continuum at the coarse time, N
-    slope: np.ndarray  # its change by the motion of the neighbours, N/s
-    force: np.ndarray  # its present value, N
-    swept: np.ndarray  # integral of `moved` since the coarse time, m s
-    link: np.ndarray  # force of the particles, N
-    base: np.ndarray  # displacement at the coarse time, m and rad
-    moved: np.ndarray  # displacement since
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    lost: np.ndarray  # (1,): energy taken by mass damping, J
-    work: np.ndarray  # (1,): of the continuum on these nodes since the coarse time, J
-
-
 @njit(**INNER)
 def _feel(system, tied, link):
     """link = G^T of the forces on the tied components, which then stand still and feel nothing."""
-    link[:] = 0.0
+    for i in range(link.size):
+        link[i] = 0.0
     for k in range(tied.rows.size):
         row = tied.rows[k]
         for c in range(3):
@@ -71,7 +55,7 @@ def _feel(system, tied, link):
 @njit(**INNER)
 def _carry(system, tied, nodes, h):
     """Give tied components the velocity and acceleration of the mesh, and the displacement of a step of `h` s."""
-    velocity, acceleration = nodes.velocity.ravel(), nodes.acceleration.ravel()
+    velocity, acceleration = nodes.velocity, nodes.acceleration
     fastest = 0.0
     for k in range(tied.rows.size):
         row = tied.rows[k]
@@ -102,8 +86,9 @@ def _show_forces(system, tied):
 @njit(**INNER)
 def _stretch(system, tied, nodes):
     """Forces of the springs: on the tied particles, and as their reactions on the nodes."""
-    link, base, since = nodes.link.ravel(), nodes.base.ravel(), nodes.moved.ravel()
-    link[:] = 0.0
+    link, base, since = nodes.link, nodes.base, nodes.moved
+    for i in range(link.size):
+        link[i] = 0.0
     for k in range(tied.rows.size):
         row = tied.rows[k]
         for c in range(3):
@@ -140,72 +125,28 @@ def _accelerate(system, tied, damping):
                 system.acceleration[row, c] = system.force[row, c] * system.lightness[row, c] - drag
 
 
-@njit(**INNER)
-def _start_nodes(nodes, mass, damping, h):
-    """First half kick and drift of the nodes, from velocities at the coarse time."""
-    velocity, acceleration = nodes.velocity.ravel(), nodes.acceleration.ravel()
-    acceleration[:] = nodes.start.ravel() + nodes.link.ravel()
-    solve(mass, acceleration)
-    acceleration -= damping * velocity
-    if damping > 0.0:
-        nodes.lost[0] += 0.5 * h * damping * product(mass, velocity, velocity + 0.5 * h * acceleration)
-    nodes.swept[:] = 0.0
-    velocity += 0.5 * h * acceleration
-    nodes.work[0] = 0.5 * h * np.dot(nodes.start.ravel(), velocity)
-    nodes.moved[:] = h * nodes.velocity
-
-
-@njit(**INNER)
-def _pull_nodes(nodes, stiffness, time, weight):
-    """Force of the continuum at a time (s) since the coarse time; `weight` (s) is that of the time integral."""
-    for i in range(nodes.force.shape[0]):
-        own = row_times(stiffness, i, nodes.moved)
-        for c in range(3):
-            nodes.force[i, c] = nodes.start[i, c] + nodes.slope[i, c] * time - own[c]
-            nodes.swept[i, c] += weight * nodes.moved[i, c]
-
-
-@njit(**INNER)
-def _kick_nodes(nodes, mass, damping, h, last):
-    """New accelerations; velocities to the end of the step, or on to the middle of the next, and drift."""
-    velocity, acceleration = nodes.velocity.ravel(), nodes.acceleration.ravel()
-    acceleration[:] = nodes.force.ravel() + nodes.link.ravel()
-    solve(mass, acceleration)
-    acceleration -= damping * velocity
-    acceleration /= 1.0 + 0.5 * damping * h
-    if damping > 0.0:
-        end = velocity + 0.5 * h * acceleration
-        mean = 0.5 * velocity if last else end
-        nodes.lost[0] += h * damping * product(mass, end, mean)
-    nodes.work[0] += 0.5 * h * np.dot(nodes.force.ravel(), velocity)
-    velocity += (0.5 * h if last else h) * acceleration
-    if not last:
-        nodes.work[0] += 0.5 * h * np.dot(nodes.force.ravel(), velocity)
-        nodes.moved[:] += h * nodes.velocity
-
-
 @njit(**OUTER)
 def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, h, steps, first):
     """Fine steps in which the tied components are eliminated: the mass of the nodes holds that of the particles.
 
     Args:
-        stiffness: Of the continuum among the nodes of the zone.
+        stiffness: Of the continuum among the nodes of the zone (`Rows`).
         mass: `Mass` of the nodes.
         damping: c_m, 1/s.
     """
     if first < 0:
-        _feel(system, tied, nodes.link.ravel())
-        _start_nodes(nodes, mass, damping, h)
+        _feel(system, tied, nodes.link)
+        start_nodes(nodes, mass, damping, h)
         drift(system, terms, h)
         _carry(system, tied, nodes, h)
     for j in range(max(first, 0), steps):
         if list_used_up(system, linear):
             return j
         forces(system, terms, linear, h)
-        _feel(system, tied, nodes.link.ravel())
+        _feel(system, tied, nodes.link)
         last = j == steps - 1
-        _pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
-        _kick_nodes(nodes, mass, damping, h, last)
+        pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
+        kick_nodes(nodes, mass, damping, h, last)
         if last:
             kick(system, terms, h)
             _carry(system, tied, nodes, 0.0)
@@ -220,11 +161,12 @@ def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, h, st
 def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, h, steps, first):
     """Fine steps with springs between the tied components and the mesh; arguments as in `run_tied`."""
     if first < 0:
-        nodes.moved[:] = 0.0
+        for i in range(nodes.moved.size):
+            nodes.moved[i] = 0.0
         _stretch(system, tied, nodes)
         _accelerate(system, tied, damping)
         _relax(system, tied)
-        _start_nodes(nodes, mass, damping, h)
+        start_nodes(nodes, mass, damping, h)
         drift(system, terms, h)
     for j in range(max(first, 0), steps):
         if list_used_up(system, linear):
@@ -232,8 +174,8 @@ def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, 
         forces(system, terms, linear, h)
         _stretch(system, tied, nodes)
         last = j == steps - 1
-        _pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
-        _kick_nodes(nodes, mass, damping, h, last)
+        pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
+        kick_nodes(nodes, mass, damping, h, last)
         if last:
             kick(system, terms, h)
             _relax(system, tied)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bridge import Overlap
-from particles import Assembly
+from particles import Assembly, Bonded
 from tests.bridge.overlap_scenes import FACES, LENGTH, coupled, faces, masses, momentum, parts, spectral_radius
 from tests.bridge.scenes import ELASTIC, GRANULAR
 
@@ -80,26 +80,27 @@ def shaken(**scene):
     return made
 
 
+@pytest.mark.parametrize("mass_damping", [0.0, 20.0])
 @pytest.mark.parametrize("constraint, rotation", TIES)
-def test_energy_is_kept_with_one_substep(constraint, rotation):
+def test_energy_is_accounted_for_with_one_substep(constraint, rotation, mass_damping):
     """With the kinetic energy of central differences the account of an elastic system closes at every time.
 
     Bonds are nonlinear only by the change of their directions, a share of the order of the strain, 1e-5.
     """
-    made = shaken(law=bonded(), constraint=constraint, rotation=rotation, ratio=0.8)
+    made = shaken(law=bonded(), constraint=constraint, rotation=rotation, ratio=0.8, mass_damping=mass_damping)
     start = made.energies()["kinetic"]
     made.soil.bond(0.01)
-    errors = []
+    errors, elastic = [], []
     for _ in range(60):
         made.advance(10)
         errors.append(made.energies()["balance"] - start)
-    assert made.energies()["elastic"] > 1e-3 * start
+        elastic.append(made.energies()["elastic"])
+    assert max(elastic) > 1e-3 * start
+    assert (made.energies()["mass_damping"] > 0.1 * start) == (mass_damping > 0.0)
     assert np.abs(errors).max() < 1e-4 * start
 
 
 def bonded():
-    from particles import Bonded
-
     return Bonded(2.5e8, 5e7, np.inf, np.inf)
 
 
