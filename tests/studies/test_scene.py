@@ -10,7 +10,7 @@ from bridge.run import Stopwatch
 from particles import measures
 from studies import foundation as scene
 from studies.foundation import Parameters
-from studies.foundation_models import MODELS
+from studies.foundation_coupled import MODELS
 from studies.foundation_run import carry_out, frame_steps, set_up
 from studies.snapshots import neighbourhood_average
 
