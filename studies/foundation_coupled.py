@@ -148,10 +148,7 @@ class OverlapFoundation(CoupledFoundation):
                 self.body, self.soil, zone, constraint=p.constraint, step=step, substeps=substeps, mass_damping=p.damping
             )
 
-        short = 1e-3 * self.body.critical_step()
-        # particles alone, by the rigorous bound, and with their ties
-        critical = min(on_root(comm, lambda: self.soil.critical_step()), couple(short, 2).critical_step())
-        substeps = self._plan_both(critical)
+        substeps = self._plan_both(couple(1e-3 * self.body.critical_step(), 1).critical_step())
         self.coupled = couple(self.step, substeps)
         self._watch(stopwatch)
         self.counts = {

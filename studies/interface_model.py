@@ -50,10 +50,10 @@ class Strip:
                 substeps=substeps,
             )  # fmt: skip
 
-        self.critical = couple(1e-6 * p.radius / p.wave_speed, 1).critical_step()
+        self.critical = couple(1e-6 * p.radius / p.wave_speed, 1).critical_step(sharp=True)
         limit = self.critical
         if p.substeps > 1:
-            self.critical = couple(1e-6 * p.radius / p.wave_speed, p.substeps).critical_step()
+            self.critical = couple(1e-6 * p.radius / p.wave_speed, p.substeps).critical_step(sharp=True)
             limit = min(p.substeps * self.critical, self.body.critical_step("power"))
         self.step = p.step_ratio * limit
         self.coupled = couple(self.step, p.substeps)

@@ -103,14 +103,18 @@ class Overlap:
         self._check_steps()
         self._initial = self._terms()
 
-    def critical_step(self) -> float:
-        """Largest stable particle step, s (collective): particles, ties and the nodes that take this step."""
-        return self.body.comm.allreduce(limit.fine_step(self), op=MPI.MIN)
+    def critical_step(self, sharp: bool = False) -> float:
+        """Largest stable particle step, s (collective): particles, ties and the nodes that take this step.
+
+        By default a rigorous bound; `sharp` solves for the largest frequency (`bridge.overlap.limit`).
+        """
+        own = limit.sharp(self) if sharp else limit.bound(self)
+        return self.body.comm.allreduce(own, op=MPI.MIN)
 
     def _check_steps(self) -> None:
         """Raise a ValueError where a step exceeds what its side can take by itself (collective)."""
         fine, body = self.step / self.substeps, self.body
-        if fine > (most := self.critical_step()):
+        if fine > self.critical_step() and fine > (most := self.critical_step(sharp=True)):
             raise ValueError(
                 f"step={self.step:g} s in {self.substeps} substeps: {fine:.4g} s must be at most {most:.4g} s, the critical "
                 f"step of the particles and the zone (constraint={self.constraint!r}); take a smaller step"

@@ -12,7 +12,27 @@ DENSE = 60  # components up to which all eigenvalues are computed
 TOUCHING = 1e-6  # gap, in sums of radii, up to which particles are in contact
 
 
-def fine_step(coupled) -> float:
+def bound(coupled) -> float:
+    """A step (s) that is certainly stable: that of the particles, of the continuum and of the springs, each by itself.
+
+    Eliminated components only restrict the motion of both sides, which raises no frequency. Springs add theirs: the squares of
+    the frequencies, that of the springs from the row sums of k^1/2 b M^-1 b^T k^1/2, b the stretch by the motion of all.
+    """
+    fine, tie = coupled.fine, coupled.tie
+    alone = coupled.body.critical_step()
+    if fine.soil.count:
+        alone = min(alone, fine.soil.critical_step())
+    if fine.eliminated or not len(tie.ids):
+        return alone
+    root = sparse.diags(np.sqrt(fine.stiffness.ravel()))
+    inverse = np.zeros(len(fine.lumped))
+    inverse[fine.mass.free] = 1.0 / fine.lumped[fine.mass.free]
+    by_mesh = root @ tie.matrix
+    pairs = abs(by_mesh @ sparse.diags(inverse) @ by_mesh.T) + root @ sparse.diags(1.0 / fine.masses.ravel()) @ root
+    return float(2.0 / np.sqrt(4.0 / alone**2 + pairs.sum(axis=1).max()))
+
+
+def sharp(coupled) -> float:
     """Critical step (s) of the particles, of the nodes that take their steps and of what ties them, other nodes held.
 
     2 / (largest frequency) of the sticking network and the continuum among those nodes (Lanczos), shortened by

@@ -42,7 +42,7 @@ def coupled(kind="square", *, ratio=0.5, substeps=1, constraint="lagrange", rota
     """The scene with a step that is a part of the critical ones."""
     body, soil, zone = parts(kind, **scene)
     ties = {"constraint": constraint, "rotation": rotation, "penalty": penalty, "mass_damping": mass_damping}
-    limit = Overlap(body, soil, zone, step=1e-9, **ties).critical_step()
+    limit = Overlap(body, soil, zone, step=1e-9, **ties).critical_step(sharp=True)
     if substeps > 1:
         limit = min(substeps * limit, body.critical_step("power"))
     return Overlap(body, soil, zone, step=ratio * limit, substeps=substeps, **ties)

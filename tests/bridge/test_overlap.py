@@ -144,8 +144,16 @@ def test_the_critical_step_is_met_from_both_sides(constraint, rotation):
     assert spectral_radius(coupled(**scene, ratio=0.99)) < 1.0 + 1e-8
     body, soil, zone = parts(radius=0.25)
     made = Overlap(body, soil, zone, constraint=constraint, rotation=rotation, step=1e-6)
-    made.step = made.rule.step = made.fine.step = 1.01 * made.critical_step()
+    made.step = made.rule.step = made.fine.step = 1.01 * made.critical_step(sharp=True)
     assert spectral_radius(made) > 1.2
+
+
+@pytest.mark.parametrize("kind", ["square", "hexagonal"])
+@pytest.mark.parametrize("constraint, rotation", TIES)
+def test_the_bound_of_the_critical_step_is_safe_and_not_far(constraint, rotation, kind):
+    made = coupled(kind, constraint=constraint, rotation=rotation)
+    bound, sharp = made.critical_step(), made.critical_step(sharp=True)
+    assert 0.4 * sharp < bound <= sharp
 
 
 @pytest.mark.parametrize("substeps", [2, 5])
