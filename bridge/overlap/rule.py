@@ -27,6 +27,12 @@ class OverlapRule:
         exchange.scatter(np.ones((len(exchange.nodes), 1)), on)
         stiffness, edge = mesh.stiffness_matrix(exchange.nodes), mesh.edge_stiffness(exchange.nodes, on[:, 0] > 0.0)
         free = exchange.gather((~mesh.fixed).astype(float)) > 0.5
+        without = mesh.comm.allreduce(int(np.count_nonzero(exchange.gather(mesh.mass)[:, 0] <= 0.0)))
+        if without and not fine.eliminated:
+            raise ValueError(
+                f"constraint='penalty': {without} nodes that springs pull have no mass of the continuum; let the zone's inner face "
+                "run along element edges, or take 'lagrange'"
+            )
         fine.set_nodes(exchange.gather(mesh.mass), free, stiffness, edge, exchange.gather(mesh.displacement))
         self._on = np.flatnonzero(on)
         inverse = np.divide(1.0, mesh.mass, out=np.zeros_like(mesh.mass), where=movable & (on == 0.0))
