@@ -168,8 +168,9 @@ class ZoneParticles(ParticleSide):
         sums = self._sums()
         sums["mass_damping"] += float(self.nodes.lost[0])
         sums["penalty"] = 0.5 * float(np.vdot(self.stiffness, self.stretch(displacement) ** 2))
-        system = self.soil.system
-        sums["stepping"] = self.step**2 / 8.0 * float(np.sum(system.acceleration[:, :3] ** 2 / system.lightness[:, :3]))
+        masses, accelerations = self.soil.masses[:, None] * [1.0, 1.0, 0.0], self.soil.accelerations
+        masses[:, 2] = self.soil.inertias
+        sums["stepping"] = self.step**2 / 8.0 * float(np.sum(masses * accelerations**2))
         return [sums[name] for name in self.ENERGY_NAMES]
 
     def start(self, force: Array) -> Array:
