@@ -34,7 +34,7 @@ class Overlap:
 
     Particles may live on one rank (the others pass an empty assembly); construction and every method are collective. The
     particles are weighed (`Assembly.weigh`): from now on their masses are the shares that they carry. Eliminated components
-    follow the mesh: velocities that they are given do not count.
+    follow the mesh, also where the motion of the body is written from outside; velocities that they are given do not count.
 
     Args:
         body: Cauchy or Cosserat body whose `share` is the zone.
@@ -178,6 +178,7 @@ class Overlap:
 
     def _terms(self) -> dict[str, float]:
         names = self.fine.ENERGY_NAMES
+        self.rule.receive()
         local = self.fine.energies(self.exchange.gather(self.mesh.displacement))
         sums = self.body.comm.allreduce(np.concatenate([local, self.rule.energies()])).tolist()
         result = dict(zip(names, sums[: len(names)], strict=True))

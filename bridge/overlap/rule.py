@@ -54,6 +54,19 @@ class OverlapRule:
         mesh.receive()
         self.force[:] = self.external - mesh.internal_force(mesh.displacement)
         self.fine.follow_mesh(gather(mesh.displacement), gather(mesh.velocity))
+        self._known = mesh.displacement.copy(), mesh.velocity.copy()
+
+    def receive(self) -> None:
+        """Take up what was written into the body's motion since the last step (collective)."""
+        mesh = self.mesh
+        mesh.receive()
+        same = all(np.array_equal(old, new) for old, new in zip(self._known, (mesh.displacement, mesh.velocity)))
+        if mesh.comm.allreduce(int(not same)):
+            self.start_from_state()
+
+    def _send(self) -> None:
+        self.mesh.send()
+        self._known = self.mesh.displacement.copy(), self.mesh.velocity.copy()
 
     def carried(self) -> list[Array]:
         """Arrays beyond the motion of nodes and particles that one coarse step hands to the next: none."""
@@ -61,19 +74,17 @@ class OverlapRule:
 
     def run(self, steps: int) -> None:
         """Take coarse steps (collective)."""
-        mesh = self.mesh
-        mesh.receive()
-        self.force[:] = self.external - mesh.internal_force(mesh.displacement)
+        self.receive()
         for _ in range(steps):
             self._advance()
             self.coupled.count(1)
-        mesh.send()
+        self._send()
 
     def advance(self) -> None:
         """Take one coarse step without counting it (collective)."""
-        self.mesh.receive()
+        self.receive()
         self._advance()
-        self.mesh.send()
+        self._send()
 
     def _advance(self) -> None:
         mesh, arrays, gather, on, step = self.mesh, self._arrays, self.exchange.gather, self._on, self.step

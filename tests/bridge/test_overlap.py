@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from bridge import Overlap
+from bridge import Overlap, OverlapZone
+from continuum import Body, Cauchy
+from meshes import Disc, domains, packings
 from particles import Assembly, Bonded
 from tests.bridge.overlap_scenes import FACES, LENGTH, coupled, faces, masses, momentum, parts, spectral_radius
 from tests.bridge.scenes import ELASTIC, GRANULAR
@@ -69,6 +71,30 @@ def test_linear_momentum_is_kept(constraint, rotation, substeps):
     energies = made.energies()
     assert min(energies[name] for name in ("friction", "viscous", "contact_loss")) > 0.0
     assert np.abs(body.velocity).max() > 0.02 * np.abs(velocity).max()
+    np.testing.assert_allclose(momentum(made), before, rtol=0.0, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("constraint", ["lagrange", "penalty"])
+def test_a_round_zone_in_a_disordered_packing(constraint, cell):
+    """Faces that cut through elements and particles: momentum to rounding, energy to the turn of the bonds."""
+    zone = OverlapZone(Disc((0.0, 0.0), 1.0), Disc((0.0, 0.0), 2.0))
+    body = Body(domains.rectangle((-3, -3), (3, 3), (24, 24), cell), Cauchy(2e8, 0.2, 2000.0), share=zone)
+    random = np.random.default_rng(1)
+    sites = packings.hexagonal(Disc((0.0, 0.0), 1.99), 0.06)
+    places = 0.999 * sites + random.uniform(-1e-3, 1e-3, sites.shape)
+    soil = Assembly(places, 0.06 * random.uniform(0.97, 1.0, len(sites)), 2300.0, bonded())
+    soil.bond(0.06)
+    limit = Overlap(body, soil, zone, constraint=constraint, step=1e-9).critical_step(sharp=True)
+    made = Overlap(body, soil, zone, constraint=constraint, step=0.8 * limit)
+    distance = np.linalg.norm(body.coordinates, axis=1)[:, None]
+    body.velocity[:] = -1e-3 * body.coordinates * np.exp(-(((distance - 2.6) / 0.25) ** 2)) * (distance > 2.05)
+    start, before = made.energies()["kinetic"], momentum(made)
+    made.advance(600)
+    energies = made.energies()
+    assert energies["elastic"] > 0.01 * start
+    assert abs(energies["balance"] - start) < 1e-5 * start
+    scale = np.sum(np.abs(body.mass * body.velocity)) + np.sum(np.abs(masses(made) * soil.velocities))
     np.testing.assert_allclose(momentum(made), before, rtol=0.0, atol=1e-12 * scale)
 
 
