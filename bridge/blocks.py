@@ -21,7 +21,7 @@ class Blocks(NamedTuple):
 
 def blocks(matrix: sparse.spmatrix) -> Blocks:
     """The matrix (3 n, 3 n) without its zero blocks."""
-    matrix = sparse.csr_matrix(matrix)
+    matrix = sparse.csr_matrix(matrix, copy=True)
     matrix.eliminate_zeros()
     found = sparse.bsr_matrix(matrix, blocksize=(3, 3))
     return Blocks(found.indptr.astype(np.uint64), found.indices.astype(np.uint64), np.ascontiguousarray(found.data))

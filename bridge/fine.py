@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from bridge import subcycling, substeps
 from bridge.blocks import Blocks, blocks
+from bridge.particle_side import ParticleSide
 from bridge.projection import Projection, SymmetricSolver
 from bridge.subcycling import Mesh, Nodes
-from bridge.substeps import Ghosts, Linear, Tie
+from bridge.substeps import Ghosts, Tie
 from particles.dispatch import Direct
 from particles.network import Before, trial_forces
 
@@ -23,7 +24,7 @@ TOUCHING = 1e-6  # gap, in sums of radii, up to which two discs count as touchin
 RETIE = 0.1  # part of the tied ghosts' drift from the mesh that is taken back each coarse step; 1 makes the scheme grow
 
 
-class FineScale:
+class FineScale(ParticleSide):
     """Particles of the nested region and the ghosts around them.
 
     Args:
@@ -41,16 +42,15 @@ class FineScale:
     )  # fmt: skip
 
     def __init__(self, soil, ghosts, share: Array, shape: sparse.csr_matrix, step: float, mass_damping: float, gravity):
-        self.soil, self.share, self.step, self.mass_damping = soil, np.asarray(share), step, mass_damping
-        self.ids, self._shape, self._gravity = np.flatnonzero(ghosts), sparse.csr_matrix(shape), gravity
+        super().__init__(soil, step, mass_damping, gravity)
+        self.share = np.asarray(share)
+        self.ids, self._shape = np.flatnonzero(ghosts), sparse.csr_matrix(shape)
         self._weights = np.column_stack([soil.masses, soil.masses, soil.inertias])
         self.ghost_mass = self._weights[self.ids]
         self.ghost_shape = self._shape[self.ids]
         self._work, self._left = np.zeros(1), np.zeros(1, dtype=np.int64)
-        self.linear: Linear | None = None
         self.ghosts_move_by_themselves = False  # otherwise their inside share is mass of the mesh
         self.carried_weight = 1.0 - self.share  # part of each ghost's weight that is a load of the continuum
-        self._generation = -1
         self._before: Before | None = None
 
     def set_interface(self, covered, outline) -> int:
@@ -76,7 +76,7 @@ class FineScale:
             self._set_edge_stiffness(np.flatnonzero(np.asarray(outline)[self.ids]))
             self.soil.set_ghosts(self.ids)
             self._prepare(1)
-            self.reaction[:] = self.soil.system.force[self._ghosts.rows, :3] - self._ghosts.load
+            self.reaction[:] = self.soil.system.force[self._led.rows, :3] - self._led.load
         return int(np.count_nonzero(self.ghost_shape @ self.covered.astype(float)))
 
     def _set_edge_stiffness(self, edge) -> None:
@@ -97,23 +97,15 @@ class FineScale:
         shape = sparse.kron(self.ghost_shape[edge], sparse.identity(3), format="csr")
         self.edge_stiffness = sparse.csr_matrix(0.5 * shape.T @ pairs @ shape)
 
-    def _arrange(self) -> None:
-        """Operators in the present row order."""
-        if self.soil.generation == self._generation:
-            return
-        self._generation = self.soil.generation
-        rows = np.asarray(self.soil.rows)
-        order = np.argsort(rows)
+    def _order(self, rows, order) -> None:
         free = np.ones(len(rows), dtype=bool)
         free[rows[self.ids]] = False
         self._free = np.flatnonzero(free)
-        self._order = order
         self._to_nodes = sparse.csr_matrix(self._shape[order].T)
-        self._reference = np.ascontiguousarray(np.hstack([self.soil.reference, np.zeros((self.soil.count, 1))])[order])
         self._projection: Projection | None = None
         load = self.ghost_mass * self.carried_weight[:, None] * np.array([*self._gravity, 0.0])
         local = self._local_shape
-        self._ghosts = Ghosts(
+        self._led = Ghosts(
             rows[self.ids].astype(np.int64), self.ghost_mass, load,
             local.indptr.astype(np.int64), local.indices.astype(np.int64), local.data,
             self._reference[rows[self.ids]],
@@ -125,21 +117,9 @@ class FineScale:
     def projection(self) -> Projection:
         """Projection of the free particles' motion on the mesh, in the present row order."""
         if self._projection is None:
-            shape, weights = self._shape[self._order][self._free], self._weights[self._order][self._free]
+            shape, weights = self._shape[self._row_ids][self._free], self._weights[self._row_ids][self._free]
             self._projection = Projection(shape, weights[:, 0], weights[:, 2])
         return self._projection
-
-    def linearise(self, stiffness: sparse.spmatrix | None) -> None:
-        """Replace the contact law by -K q (K (3n, 3n) in id order), or bring the law back with None."""
-        if stiffness is None:
-            self.linear = None
-        elif self.soil.count:
-            order = np.argsort(self.soil.rows)
-            places = (3 * order[:, None] + np.arange(3)).ravel()
-            matrix = sparse.csr_matrix(stiffness)[places][:, places].tocsr()
-            self.linear = Linear(
-                matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64), matrix.data, self._reference
-            )
 
     # ------------------------------------------------------------------------------------------------ motion (free, 3)
 
@@ -157,7 +137,7 @@ class FineScale:
         """Displacements of the ghosts (g, 3)."""
         if not self.soil.count:
             return np.zeros((0, 3))
-        rows = self._ghosts.rows
+        rows = self._led.rows
         return self.soil.system.position[rows, :3] - self._reference[rows]
 
     def force(self) -> Array:
@@ -188,7 +168,7 @@ class FineScale:
             shape = (3 * len(moved), 3 * len(moved))
             stiffness = sparse.csr_matrix((linear.value, linear.column, linear.start), shape=shape)
             force = -(stiffness @ moved.ravel()).reshape(-1, 3)
-        force[self._ghosts.rows] -= self._ghosts.load
+        force[self._led.rows] -= self._led.load
         return force
 
     def fit_covered(self, values: Array, nodal: Array) -> Array:
@@ -261,25 +241,6 @@ class FineScale:
             self._arrange()
 
     # ---------------------------------------------------------------------------------------------------------- substeps
-
-    def _prepare(self, steps: int) -> None:
-        if self.linear is None:
-            self._terms = self.soil.prepare(self.step, steps, mass_damping=self.mass_damping, gravity=self._gravity)[1]
-            self._arrange()
-
-    def run_loop(
-        self, kernel, steps: int, before: tuple, after: tuple, first: int = -1, until: int | None = None
-    ) -> int:
-        """Call a loop until `until` (default all) substeps are done, with new lists on the way; the list is valid then."""
-        until = steps if until is None else until
-        while True:
-            system = self.soil.system
-            first = kernel(system, self._terms, self.linear, self._ghosts, *before, self.step, steps, first, *after)
-            if first < steps:
-                self.soil.refresh()
-                self._arrange()
-            if first >= until:
-                return first
 
     def run_prescribed(self, velocity: Array, acceleration: Array, steps: int, remember: bool) -> None:
         """Fine steps with ghosts of constant acceleration.
@@ -373,15 +334,11 @@ class FineScale:
         """Put massless ghosts where the nodal motion (needed nodes, 3) says."""
         if not self.soil.count:
             return
-        system, rows, shape = self.soil.system, self._ghosts.rows, self.ghost_shape
+        system, rows, shape = self.soil.system, self._led.rows, self.ghost_shape
         moved = shape @ displacement
         system.position[rows, :3] = self._reference[rows] + moved
         system.velocity[rows, :3] = shape @ velocity
         system.acceleration[rows, :3] = shape @ acceleration
-
-    def reference(self) -> Array:
-        """Reference positions and angle zero (n, 3), row order."""
-        return self._reference
 
     def own_arrays(self) -> list[Array]:
         """Arrays of this class that the substeps write (kept and restored around a linear analysis)."""
@@ -390,7 +347,7 @@ class FineScale:
         return [self.reaction, self._multiplier, self._work, self._previous, self.nodes.lost]
 
     def _set_ghost_velocity(self, velocity: Array) -> None:
-        self.soil.system.velocity[self._ghosts.rows, :3] = self.ghost_shape @ velocity
+        self.soil.system.velocity[self._led.rows, :3] = self.ghost_shape @ velocity
 
     # ---------------------------------------------------------------------------------------------------------- energies
 
@@ -403,16 +360,9 @@ class FineScale:
         """Energies (J) in the order of `ENERGY_NAMES`; `external` is the work of plates, gravity and held particles."""
         if not self.soil.count:
             return [0.0] * len(self.ENERGY_NAMES)
-        sums = self.soil.energies()
-        velocity = self.soil.system.velocity[self._ghosts.rows, :3]
+        sums = self._sums()
+        velocity = self.soil.system.velocity[self._led.rows, :3]
         kinetic = sums["kinetic"]
         if not self.ghosts_move_by_themselves:
             kinetic -= 0.5 * float(np.vdot(self.ghost_mass * velocity, velocity))
-        return [
-            kinetic,
-            sum(value for name, value in sums.items() if name.startswith("elastic")),
-            sum(value for name, value in sums.items() if name.startswith("friction")),
-            sums["viscous"], sums["contact_loss"], sums["mass_damping"],
-            sum(sums[name] for name in ("gravity_work", "external_work", "wall_work", "held_work")),
-            self.interface_work,
-        ]  # fmt: skip
+        return [kinetic, *(sums[name] for name in self.ENERGY_NAMES[1:-1]), self.interface_work]

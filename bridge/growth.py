@@ -52,7 +52,7 @@ def growth(coupled, *, contact_range: float = 1e-6, vectors: int = 24, seed: int
     iterations, so that moduli near one are told apart (see `RESOLUTION`).
 
     Args:
-        coupled: A `BridgingScale`.
+        coupled: A `BridgingScale` or an `Overlap`.
         contact_range: Gap, in sums of radii, up to which pairs count as contacts.
         vectors: Size of the Krylov space.
         seed: Of the start vector.
@@ -65,7 +65,8 @@ def growth(coupled, *, contact_range: float = 1e-6, vectors: int = 24, seed: int
     ):  # mechanisms without stiffness would drift: defective unit eigenvalues, which look like growth
         ground = GROUND * abs(stiffness).max()
         scale = float(np.sqrt(np.median(soil.masses) / ground))
-        stiffness = stiffness + ground * sparse.identity(stiffness.shape[0])
+        turning = soil.inertias / soil.masses  # no faster than the translations
+        stiffness = stiffness + ground * sparse.diags(np.column_stack([np.ones((soil.count, 2)), turning]).ravel())
     scale = coupled.body.comm.allreduce(scale, op=MPI.MAX)
     stride = max(20, int(np.ceil(0.5 * scale / coupled.step)))  # coarse steps per Arnoldi step
     with LinearSystem(coupled, stiffness, scale) as linear:

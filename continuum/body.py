@@ -17,7 +17,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from . import _compat, boundaries, cells, cuts, fields, forms, location, motion, stability
+from . import _compat, boundaries, cells, cuts, fields, forms, location, motion, shares, stability
 from .materials import Material
 
 DEGREE = {3: 2, 4: 3}  # quadrature degree by nodes a cell: three points, or 2 x 2 points
@@ -35,6 +35,8 @@ class Body:
         particle_radius: radius r (m) of the discs; needed for "physical".
         excluded: region whose part of all integrals (stiffness, mass, loads) is left out (all of it allowed): exact where it has
             `corners` (a convex polygon, such as a Box), else by 16 x 16 sub-cells a cell.
+        share: function of points (n, 2) giving the part (n,) of all integrals that the body carries, 0 to 1, where particles
+            carry the rest (such as `bridge.OverlapZone`); instead of `excluded`.
 
     Construction is collective.
     """
@@ -46,8 +48,11 @@ class Body:
         micro_inertia: str | float = "scaled",
         particle_radius: float | None = None,
         excluded: Any = None,
+        share: Callable[[np.ndarray], np.ndarray] | None = None,
     ):
-        self.domain, self.material, self.excluded = domain, material, excluded
+        if excluded is not None and share is not None:
+            raise ValueError(f"excluded={excluded} and share={share} must not be given both: leave one of them out")
+        self.domain, self.material, self.excluded, self.share = domain, material, excluded, share
         self.mesh = domain.mesh
         self.comm = self.mesh.comm
         self.components = material.components
@@ -112,6 +117,8 @@ class Body:
             if not hasattr(self.excluded, "contains"):
                 raise ValueError(f"excluded={self.excluded} must be a region (an object with contains)")
             self.cell_fractions, weights = cuts.uncovered(self.cell_corners, self.excluded)
+        elif self.share is not None:
+            self.cell_fractions, weights = shares.weighted(self.cell_corners, self.share)
         tags = np.where(self.cell_fractions == 1.0, forms.WHOLE, forms.CUT).astype(np.int32)
         kept = np.flatnonzero(self.cell_fractions > 0.0).astype(np.int32)
         self._measure = ufl.Measure(
@@ -218,13 +225,35 @@ class Body:
         _compat.assemble_into(self._result, self._internal)
         return self._result_values.copy()
 
-    def stiffness_matrix(self, nodes: np.ndarray) -> sparse.csr_matrix:
-        """Stiffness among nodes of any rank, given by ascending global index, with all components (collective)."""
+    def marked_nodes(self, marked: np.ndarray) -> np.ndarray:
+        """Number (owned cells,) of the nodes of each cell that are marked (n_owned,), whichever rank owns them (collective)."""
+        self._trial_values[:] = np.asarray(marked, dtype=float)[:, None]
+        self._trial.x.scatter_forward()
+        found = self._trial.x.array.reshape(-1, self.components)[self.cell_nodes, 0]
+        return np.rint(found.sum(axis=1)).astype(np.int64)
+
+    def stiffness_matrix(self, nodes: np.ndarray, of_cells: np.ndarray | None = None) -> sparse.csr_matrix:
+        """Stiffness among nodes of any rank, with all components (collective).
+
+        Args:
+            nodes: ascending global indices.
+            of_cells: mask (owned cells,) of the cells that count, all by default.
+        """
+        matrix = self._matrix if of_cells is None else self._matrix_of(of_cells)
         places = (self.components * np.asarray(nodes)[:, None] + np.arange(self.components)).ravel()
         among = PETSc.IS().createGeneral(places.astype(PETSc.IntType), comm=MPI.COMM_SELF)
-        (block,) = self._matrix.createSubMatrices([among], [among])
+        (block,) = matrix.createSubMatrices([among], [among])
         start, column, value = block.getValuesCSR()
         return sparse.csr_matrix((value, column, start), shape=block.getSize())
+
+    def _matrix_of(self, some_cells: np.ndarray) -> Any:
+        """Stiffness matrix of some of the owned cells."""
+        counts = fem.Function(_compat.cell_space(self.mesh))
+        counts.x.array[: len(some_cells)] = some_cells
+        w, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        density = counts * forms.internal_work(w, v, self._stiffness, self._couple)
+        form = forms.over_uncovered(density, self._measure, self._weight, *self._degrees)
+        return _compat.assemble_matrix(_compat.form(form))
 
     def external_force(self) -> np.ndarray:
         """Constant loads (n_owned, components): tractions and body force on the uncovered part; not to be written."""
@@ -312,9 +341,9 @@ class Body:
         """Largest stable step in s; see `stability.critical_step` (collective)."""
         return stability.critical_step(self, bound)
 
-    def shape_functions(self, points) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def shape_functions(self, points, gradients: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Cells' shape functions at points; see `location.shape_functions` (collective)."""
-        return location.shape_functions(self, points)
+        return location.shape_functions(self, points, gradients)
 
     def strain_fields(self) -> dict[str, fem.Function]:
         """Cell-wise strain measures for output; see `fields.strain_fields` (collective)."""

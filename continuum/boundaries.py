@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from . import _compat, cuts
+from . import _compat, cuts, shares
 
 
 class Boundaries:
@@ -125,9 +125,12 @@ class Boundaries:
                 continue  # the owner of the cell adds it
             position = int(np.flatnonzero(topology.connectivity(2, 1).links(cell) == facet)[0])
             ends = body.cell_nodes[cell][_facet_nodes(body.cell_nodes.shape[1])[position]]
-            load[np.ix_(ends, [0, 1])] += np.outer(
-                cuts.segment_loads(body.all_coordinates[ends], body.excluded), traction
-            )
+            places = body.all_coordinates[ends]
+            if body.share is None:
+                parts = cuts.segment_loads(places, body.excluded)
+            else:
+                parts = shares.segment_loads(places, body.share)
+            load[np.ix_(ends, [0, 1])] += np.outer(parts, traction)
         _compat.scatter_add(function)
         self._tractions = self._tractions + values
         self._sum_loads()

@@ -12,7 +12,7 @@ from . import _compat, cells
 TOLERANCE = 1e-8  # of the cell's size: a point this far outside the mesh still belongs to the cell at its edge
 
 
-def shape_functions(body: Any, points) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def shape_functions(body: Any, points, gradients: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Shape functions of the mesh at points (collective; every rank gives its own points, perhaps none).
 
     A point on an edge goes to the cell that came first when the mesh was made, whatever the number of ranks. Set-up
@@ -21,10 +21,11 @@ def shape_functions(body: Any, points) -> tuple[np.ndarray, np.ndarray, np.ndarr
     Args:
         body: the Body.
         points: (k, 2) in m.
+        gradients: also the derivatives by x and y (1/m), in that cell.
 
     Returns:
-        Global node numbers (k, nodes a cell) int64, -1 where the point was not found; values (k, nodes a cell), 0
-        there; found (k,) bool.
+        Global node numbers (k, nodes a cell) int64, -1 where the point was not found; values (k, nodes a cell), or with
+        gradients (k, nodes a cell, 3): value and derivatives, 0 there; found (k,) bool.
     """
     points = np.asarray(points, dtype=float)
     if points.size == 0:
@@ -33,7 +34,7 @@ def shape_functions(body: Any, points) -> tuple[np.ndarray, np.ndarray, np.ndarr
         raise ValueError(f"points of shape {points.shape} must be finite with the shape (k, 2)")
     counts = body.comm.allgather(len(points))
     everyone = np.concatenate(body.comm.allgather(np.ascontiguousarray(points[:, :2])))
-    order, nodes, values = _owned_cells(body, everyone)
+    order, nodes, values = _owned_cells(body, everyone, gradients)
     if body.comm.size > 1:
         best = np.empty_like(order)
         body.comm.Allreduce(order, best, op=MPI.MIN)
@@ -49,11 +50,12 @@ def shape_functions(body: Any, points) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return nodes[mine].copy(), values[mine].copy(), found
 
 
-def _owned_cells(body: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _owned_cells(body: Any, points: np.ndarray, gradients: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Original number of the containing cell owned here (int64 maximum: none), its global nodes and the values."""
     width = body._all_nodes.shape[1]
     order = np.full(len(points), np.iinfo(np.int64).max)
-    nodes, values = np.full((len(points), width), -1, dtype=np.int64), np.zeros((len(points), width))
+    nodes = np.full((len(points), width), -1, dtype=np.int64)
+    values = np.zeros((len(points), width, 3) if gradients else (len(points), width))
     size = float(np.sqrt(cells.areas(body.cell_corners).max())) if len(body.cell_corners) else 1.0
     point, cell = _compat.cells_near(body.mesh, np.arange(len(body.cell_corners)), points, TOLERANCE * size)
     if len(point) == 0:
@@ -68,5 +70,9 @@ def _owned_cells(body: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     order[point] = original[first]
     local = np.ascontiguousarray(body.cell_nodes[cell[first]].ravel().astype(np.int32))
     nodes[point] = body.space.dofmap.index_map.local_to_global(local).reshape(-1, width)
-    values[point] = cells.shape_functions(reference[first], width)
+    found = cells.shape_functions(reference[first], width)
+    if gradients:
+        slope = cells.gradients(body.cell_corners[cell[first]], reference[first])
+        found = np.concatenate((found[:, :, None], slope), axis=2)
+    values[point] = found
     return order, nodes, values

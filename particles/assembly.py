@@ -35,6 +35,7 @@ from particles.walls.wall import Wall
 
 _advance, _stale, _runaway = Direct(motion.advance), Direct(motion.stale), Direct(motion.runaway)
 
+WHOLE = 1e6  # share of contacts that makes those with any other particle count in full
 SKIN, THINNEST = 0.12, 0.01  # skin that is not given, as a share of the mean radius: at first, and later at least
 SKIN_NUMBERS = {2: 10.0, 3: 4.0}  # see `particles.motion.fitting_skin`
 
@@ -178,7 +179,7 @@ class Assembly:
 
     @property
     def masses(self) -> np.ndarray:
-        """Masses (n,), kg (in the plane per metre of thickness)."""
+        """Masses (n,), kg (in the plane per metre of thickness); the shares carried, after `weigh`."""
         return self._masses.copy()
 
     @property
@@ -221,8 +222,8 @@ class Assembly:
         """Displacements and rotations since the reference (n, freedoms), m and rad; in space the rotations are the sums of
         the steps' increments about the three axes.
 
-        Assigning makes a new initial state: contact histories are cleared (the tangential forces start at zero) and the
-        neighbour list is rebuilt.
+        Assigning makes a new initial state: contact histories are cleared (the tangential forces start at zero; bonds stay
+        and are strained) and the neighbour list is rebuilt.
         """
         values = self._of_rows("position", "rotation")
         values[:, : self.axes] -= self._reference
@@ -235,7 +236,9 @@ class Assembly:
         places = values.copy()
         places[:, : self.axes] += self._reference
         self._set_rows("position", "rotation", places)
-        self._system.history[:] = 0.0
+        for (name, _), column in zip(self._laws.columns, self._system.history):
+            if name not in ("bond", "offset"):
+                column[:] = 0.0
         if self._system.walls is not None:
             self._system.walls.history[:] = 0.0
         listing.rebuild(self)
@@ -273,8 +276,46 @@ class Assembly:
     @external_forces.setter
     def external_forces(self, values: Any) -> None:
         self._external = _finite("external_forces", values, (self.count, self.freedoms))
-        self._system = self._system._replace(external=np.ascontiguousarray(self._external[self._ids]))
+        self._compose_external()
+
+    def _compose_external(self) -> None:
+        """Row-ordered external forces, with the share of each particle."""
+        if self._external is not None:
+            external = np.ascontiguousarray(self._external[self._ids])
+            if self._system.share is not None:
+                external *= np.minimum(self._system.share[:, :1], 1.0)
+            self._system = self._system._replace(external=external)
         self._primed = None
+
+    def weigh(self, contacts: Any, masses: Any, whole: Any = False) -> None:
+        """Let the particles carry only a share of the body, where a continuum carries the rest.
+
+        From now on forces, torques, energies and losses of a contact between two particles count by the share of its two
+        particles, interpolated to the contact point, and external forces by the particle's; `masses` and `inertias` are
+        those carried. Histories, limits and strengths stay those of the whole contact; contacts with walls count in full.
+        The change of energy counts as imposed.
+
+        Args:
+            contacts: (n,) share of contacts and external forces at each particle, 0 to 1.
+            masses: (n,) share of mass and inertia, above 0 up to 1.
+            whole: (n,) True for particles all of whose contacts count in full.
+
+        Raises:
+            ValueError: shares out of range.
+        """
+        shares = np.column_stack([_finite("contacts", contacts, (self.count,)), _finite("masses", masses, (self.count,))])
+        if self.count and not (shares.min() >= 0.0 and shares.max() <= 1.0 and shares[:, 1].min() > 0.0):
+            raise ValueError(f"shares from {shares.min():g} to {shares.max():g} must lie in [0, 1], those of masses above 0")
+        before = self._mechanical()
+        shares[:, 0] += np.where(whole, WHOLE, 0.0)
+        shares = np.ascontiguousarray(shares[self._ids])
+        old = 1.0 if self._system.share is None else self._system.share[self._rows, 1]
+        change = shares[self._rows, 1] / old
+        self._masses, self._inertias = self._masses * change, self._inertias * change
+        self._system = self._system._replace(share=shares)
+        self._compose_held()
+        self._compose_external()
+        self._imposed += self._mechanical() - before
 
     # Constraints -------------------------------------------------------------------------------------------------------
 
@@ -303,6 +344,11 @@ class Assembly:
                 self._held[int(one)] = free
         self._primed = None
         self._compose_held()
+
+    @property
+    def held(self) -> np.ndarray:
+        """Ids of the particles with components that are held."""
+        return np.array(sorted(self._held), dtype=np.int64)
 
     def _compose_held(self) -> None:
         system = self._system

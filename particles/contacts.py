@@ -29,7 +29,8 @@ _SPENT = 40 * STRIDE
 _HISTORY = _SPENT + SPENT * STRIDE
 HISTORIES, NUMBERS = 24, 40  # most columns of history, most numbers in a law
 _NUMBERS = _HISTORY + HISTORIES * STRIDE
-SCRATCH = _NUMBERS + NUMBERS * STRIDE
+_SHARE = _NUMBERS + NUMBERS * STRIDE
+SCRATCH = _SHARE + STRIDE
 
 
 @njit(**KERNEL)
@@ -49,14 +50,38 @@ def _gather_pairs(scratch, position, velocity, acceleration, spin, angular, visc
                 gather(scratch, _ANGULAR_MORE + c, angular, first, second, at + c, 0b0111)
 
 
+@njit(**INNER)
+def _whole_mass(lightness, share, i):
+    """Mass of a particle, whatever share of it the particle carries."""
+    return lightness[i, MASS] if share is None else lightness[i, MASS] / share[i, 1]
+
+
 @njit(**KERNEL)
-def _gather_masses(scratch, massive, lightness, first, second, at, count):
+def _gather_masses(scratch, massive, lightness, share, first, second, at, count):
     """Reduced mass of each pair, where the law asks for it."""
     if massive is None:
         return
     for c in range(count):
-        one, other = lightness[first[at + c], MASS], lightness[second[at + c], MASS]
+        one, other = _whole_mass(lightness, share, first[at + c]), _whole_mass(lightness, share, second[at + c])
         scratch[_REDUCED + c] = one * other / (one + other)
+
+
+@njit(**KERNEL)
+def _gather_shares(scratch, share, position, first, second, at, count):
+    """Share of each contact: that of the particles, linear from centre to centre, at the contact point, and at most 1."""
+    if share is None:
+        return
+    for c in range(count):
+        i, j = first[at + c], second[at + c]
+        a, b = position[i, 3], position[j, 3]
+        scratch[_SHARE + c] = min(1.0, (share[i, 0] * b + share[j, 0] * a) / (a + b))
+
+
+@njit(**INLINE)
+def _share_of(shared, scratch, q):
+    if shared is None:
+        return 1.0
+    return scratch[_SHARE + q]
 
 
 @njit(**KERNEL)
@@ -101,7 +126,7 @@ def _book_image(image, scratch, q, power):
 
 
 @njit(**INLINE)
-def _in_plane(scratch, q, step, viscous, law, blank, image):
+def _in_plane(scratch, q, step, viscous, law, blank, image, shared):
     """One pair of discs: its touch, the law's response, forces and torques to their columns."""
     bx, by, _ = _triple(scratch, _PLACE + q)
     dx, dy, more = _triple(scratch, _MOTION + q)
@@ -113,19 +138,21 @@ def _in_plane(scratch, q, step, viscous, law, blank, image):
         radius, radius + scratch[_PLACE + 3 * STRIDE + q], scratch[_REDUCED + q],
     )  # fmt: skip
     response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))
-    (nx, ny), shear, couple = touch.normal, response.tangential[0], response.couple[0]
-    px = -response.normal * nx - shear * ny
-    py = -response.normal * ny + shear * nx
+    part = _share_of(shared, scratch, q)
+    (nx, ny), shear, couple = touch.normal, part * response.tangential[0], part * response.couple[0]
+    normal = part * response.normal
+    px = -normal * nx - shear * ny
+    py = -normal * ny + shear * nx
     arm = 0.5 * (touch.distance + touch.radii[0] - touch.radii[1])
     store(scratch, _FORCE + q, STRIDE, (px, py, couple + arm * shear))
     store(scratch, _OTHER + q, STRIDE, (px, py, couple - (touch.distance - arm) * shear))
     _book_image(image, scratch, q, px * wx + py * wy)
-    store(scratch, _SPENT + q, STRIDE, plus(load(scratch, _SPENT + q, STRIDE, NOTHING), response.spent))
+    store(scratch, _SPENT + q, STRIDE, moved(load(scratch, _SPENT + q, STRIDE, NOTHING), part, response.spent))
     store(scratch, _HISTORY + q, STRIDE, response.history)
 
 
 @njit(**INLINE)
-def _in_space(scratch, q, step, viscous, law, blank, image):
+def _in_space(scratch, q, step, viscous, law, blank, image, shared):
     """The same for a pair of spheres."""
     radius = scratch[_RADIUS + q]
     spin = _triple(scratch, _SPIN + q)
@@ -137,26 +164,28 @@ def _in_space(scratch, q, step, viscous, law, blank, image):
         radius, radius + scratch[_PLACE + 3 * STRIDE + q], scratch[_REDUCED + q],
     )  # fmt: skip
     response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))
+    part = _share_of(shared, scratch, q)
     arm = 0.5 * (touch.distance + touch.radii[0] - touch.radii[1])
-    moment = cross(touch.normal, response.tangential)
-    force = moved(response.tangential, -response.normal, touch.normal)
+    tangential, couple = scaled(part, response.tangential), scaled(part, response.couple)
+    moment = cross(touch.normal, tangential)
+    force = moved(tangential, -part * response.normal, touch.normal)
     store(scratch, _FORCE + q, STRIDE, force)
     _book_image(image, scratch, q, dot(force, drift))
-    store(scratch, _TORQUE + q, STRIDE, moved(response.couple, arm, moment))
-    store(scratch, _OTHER + q, STRIDE, moved(scaled(-1.0, response.couple), touch.distance - arm, moment))
-    store(scratch, _SPENT + q, STRIDE, plus(load(scratch, _SPENT + q, STRIDE, NOTHING), response.spent))
+    store(scratch, _TORQUE + q, STRIDE, moved(couple, arm, moment))
+    store(scratch, _OTHER + q, STRIDE, moved(scaled(-1.0, couple), touch.distance - arm, moment))
+    store(scratch, _SPENT + q, STRIDE, moved(load(scratch, _SPENT + q, STRIDE, NOTHING), part, response.spent))
     store(scratch, _HISTORY + q, STRIDE, response.history)
 
 
 @njit(**KERNEL)
-def _respond_all(scratch, count, step, space, viscous, law, table, blank, image):
-    """The law for all pairs of a batch (`space`, `viscous`: None or anything)."""
+def _respond_all(scratch, count, step, space, viscous, law, table, blank, image, shared):
+    """The law for all pairs of a batch (`space`, `viscous`, `shared`: None or anything)."""
     for q in range(count):
         here = law_at(law, table, scratch, _NUMBERS + q)
         if space is None:
-            _in_plane(scratch, q, step, viscous, here, blank, image)
+            _in_plane(scratch, q, step, viscous, here, blank, image, shared)
         else:
-            _in_space(scratch, q, step, viscous, here, blank, image)
+            _in_space(scratch, q, step, viscous, here, blank, image, shared)
 
 
 @njit(**KERNEL)
@@ -230,12 +259,14 @@ def pair_batch(system, terms, step, image, at, count):
         scratch, system.position, system.velocity, system.acceleration, system.spin, system.angular, terms.viscous, first,
         second, at, count,
     )  # fmt: skip
-    _gather_masses(scratch, terms.massive, system.lightness, first, second, at, count)
+    _gather_masses(scratch, terms.massive, system.lightness, system.share, first, second, at, count)
+    _gather_shares(scratch, system.share, system.position, first, second, at, count)
     _gather_numbers(scratch, terms.table, system.material, first, second, at, count)
     for k in range(history.shape[0]):
         load_column(scratch, _HISTORY + k * STRIDE, history, k, at)
     _respond_all(
-        scratch, count, step, present(system.spin), terms.viscous, terms.law, terms.table, terms.blank, image
+        scratch, count, step, present(system.spin), terms.viscous, terms.law, terms.table, terms.blank, image,
+        present(system.share),
     )  # fmt: skip
     _log_breaks(
         system.breaks, scratch, history, system.sums, system.position, system.clock[TIME], present(system.spin), first,

@@ -124,7 +124,7 @@ def _sort(soil: Assembly, width: float, changed: dict[str, Any]) -> np.ndarray:
         if rows is not None:
             changed[name] = aligned(rows.shape)
             changed[name][:] = rows[order]
-    for name in ("material", "external"):
+    for name in ("material", "external", "share"):
         values = getattr(system, name)
         if values is not None:
             changed[name] = np.ascontiguousarray(values[order])

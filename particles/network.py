@@ -62,8 +62,19 @@ def _history(contacts: Contacts, these: np.ndarray) -> dict[str, np.ndarray]:
     return {name: values[these] for name, values in contacts.history.items()}
 
 
+def shares(soil: Assembly, contacts: Contacts) -> np.ndarray:
+    """Share of each contact (k,) that the particles carry, see `Assembly.weigh`; contacts with walls count in full."""
+    if soil._system.share is None:
+        return np.ones(len(contacts.first))
+    of_particle = soil._system.share[soil._rows, 0]
+    radii, pairs = radii_of(soil, contacts), contacts.plate < 0
+    one, other = of_particle[contacts.first], of_particle[np.where(pairs, contacts.second, 0)]
+    a, b = radii.T
+    return np.where(pairs, np.minimum((one * b + other * a) / (a + b), 1.0), 1.0)
+
+
 def stiffnesses(soil: Assembly, contacts: Contacts) -> np.ndarray:
-    """Tangent stiffness of normal, sliding (N/m), rolling, torsion (N m/rad) of each contact (k, 4), all sticking."""
+    """Tangent stiffness of normal, sliding (N/m), rolling, torsion (N m/rad) of each contact (k, 4), all sticking; its share."""
     found = np.zeros((len(contacts.first), 4))
     radii, rolling = radii_of(soil, contacts), rolling_radius(contacts)
     for k in np.unique(contacts.law):
@@ -71,13 +82,15 @@ def stiffnesses(soil: Assembly, contacts: Contacts) -> np.ndarray:
         found[these] = soil.all_laws[k].stiffness(
             contacts.overlap[these], radii[these], rolling[these], _history(contacts, these)
         )
-    return found
+    return found * shares(soil, contacts)[:, None]
 
 
 def dashpots(soil: Assembly, contacts: Contacts) -> np.ndarray:
     """Dashpots of the same (k, 4), N s/m and N m s/rad."""
     found = np.zeros((len(contacts.first), 4))
     radii, rolling, masses = radii_of(soil, contacts), rolling_radius(contacts), soil.masses
+    if soil._system.share is not None:
+        masses = masses / soil._system.share[soil._rows, 1]
     of_wall = np.zeros(0) if soil.system.walls is None else lightness_of(soil.system.walls)
     at_wall = contacts.plate >= 0
     lightness = 1.0 / masses[contacts.first] + np.where(at_wall, 0.0, 1.0 / masses[contacts.second])
@@ -87,18 +100,18 @@ def dashpots(soil: Assembly, contacts: Contacts) -> np.ndarray:
         found[these] = soil.all_laws[k].damping(
             contacts.overlap[these], radii[these], rolling[these], 1.0 / lightness[these], _history(contacts, these)
         )
-    return found
+    return found * shares(soil, contacts)[:, None]
 
 
 def stored(soil: Assembly, contacts: Contacts) -> dict[str, float]:
     """Elastic energy by channel, J."""
-    radii = radii_of(soil, contacts)
+    radii, share = radii_of(soil, contacts), shares(soil, contacts)
     total: dict[str, float] = {}
     for k in range(len(soil.all_laws)):
         these = contacts.law == k
         energies = soil.all_laws[k].stored(contacts.overlap[these], radii[these], _history(contacts, these))
         for name, energy in energies.items():
-            total[name] = total.get(name, 0.0) + float(energy.sum())
+            total[name] = total.get(name, 0.0) + float(energy @ share[these])
     return total
 
 

@@ -105,6 +105,18 @@ def stiffness_matrix(soil: Assembly, contact_range: float = 0.0, walls: bool = F
     return _network_matrix(soil, found, _bodies(soil, found))[:size, :size]
 
 
+def normal_stiffness(soil: Assembly, overlap: float = 1e-3) -> np.ndarray:
+    """Normal stiffness (n,) of the contact of each particle with one of its kind, N/m, at an overlap (share of the radius)."""
+    radii, ids = soil.radii, soil._laws.materials
+    found = np.zeros(soil.count)
+    for (a, b), law in soil.laws.items():
+        these = np.arange(soil.count) if ids is None else np.flatnonzero((ids == a) & (ids == b))
+        r = radii[these]
+        history = soil._laws.by_channel(np.zeros((len(soil._laws.columns), len(these))))
+        found[these] = law.stiffness(overlap * r, np.column_stack([r, r]), 0.5 * r, history)[:, 0]
+    return found
+
+
 def critical_step(soil: Assembly, sharp: bool = False, contact_range: float = 1e-6) -> float:
     """Largest stable step of the present contacts (pairs and plates), s; infinity without contacts. Use 0.8 of it.
 

@@ -148,6 +148,7 @@ class System(NamedTuple):
     sums: Any  # (SUMS,): energy sums
     clock: Any  # (7,): time; travel since the list was built, its limit; smallest radius; age of the list in steps; its skin, see
     # `particles.motion.fitting_skin`: scale (0: given by the caller), least
+    share: Any = None  # None or (n, 2): shares of contacts and of the mass that the particles carry (`Assembly.weigh`)
 
 
 class Terms(NamedTuple):

@@ -15,6 +15,7 @@ STUDIES = {
     "triaxial": ("studies.lab_command:triaxial", "triaxial compression of spheres in a periodic cell"),
     "shear": ("studies.lab_command:shear", "simple shear of discs in a periodic cell at constant normal stress"),
     "column": ("studies.column_command", "collapse of columns of discs: runout against aspect ratio"),
+    "interface": ("studies.interface_command", "a pulse through the overlap of particles and continuum: reflection"),
     "accuracy": ("studies.accuracy", "speed against error of a study over a list of settings"),
 }
 USAGE_ERROR = 2

@@ -8,6 +8,7 @@ C, random and dense (radii 0.02 to 0.05 m).
     dem         particles everywhere
     fem         a linear Cosserat continuum everywhere
     bridging    particles in a region under the plate, the continuum elsewhere, tied by the bridging-scale method
+    overlap     the same region, its rim shared with the continuum (Rojek & Onate 2007)
 
 About 5 s (bridging, A) on one core: python -m studies foundation --help
 """
@@ -24,7 +25,7 @@ import numpy as np
 from studies.options import NOT_NEGATIVE, POSITIVE, SHARE, check, parameter, size_in_metres
 
 TITLE = "Foundation under a rigid strip plate: particles, continuum and both (Li & Wan 2010)"
-METHODS, VARIANTS = ("dem", "bridging", "fem"), ("paper", "resync", "respa", "multiplier", "subcycling")
+METHODS, VARIANTS = ("dem", "bridging", "overlap", "fem"), ("paper", "resync", "respa", "multiplier", "subcycling")
 WIDTH, DEPTH = 18.0, 9.0  # m, the soil; its surface is y = DEPTH
 LATTICE_RADII = {"A": 0.05, "B": 0.03}  # m
 RANDOM_RADII, POROSITY = (0.02, 0.05), 0.16  # of assembly C; m, -
@@ -56,6 +57,8 @@ class Parameters:
         choices=("packing", "paper"),
     )  # fmt: skip
     variant: str = parameter("subcycling", "Form of the bridging-scale method.", choices=VARIANTS)
+    overlap: float = parameter(1.0, "Width of the rim of the region that method overlap shares.", "m", POSITIVE)
+    constraint: str = parameter("lagrange", "Tie of method overlap.", choices=("lagrange", "penalty"))
     speed: float = parameter(1.0, "Downward speed of the plate.", "m/s", POSITIVE)
     displacement: float = parameter(
         0.06, "Displacement of the plate at the end.", "m", POSITIVE, limits=(0, 0.5 * DEPTH)
@@ -111,7 +114,7 @@ class Parameters:
             raise ValueError(f"mesh={self.mesh} must be structured, graded or an existing .msh file")
         if self.mesh == "graded" and self.plate_position != 0.5 * WIDTH:
             raise ValueError(f"plate_position={self.plate_position} must be {0.5 * WIDTH:g} m with mesh=graded")
-        if self.method != "bridging":
+        if self.method not in ("bridging", "overlap"):
             return
         left = self.plate_position - 0.5 * width
         if not (0.0 < left and left + width < WIDTH and depth < DEPTH):
@@ -121,6 +124,11 @@ class Parameters:
             )
         if not (left <= self.plate_position - half and self.plate_position + half <= left + width):
             raise ValueError(f"region={self.region} must be at least as wide as the plate of {self.plate_width:g} m")
+        if self.method == "overlap" and not self.overlap < min(depth, 0.5 * width):
+            raise ValueError(
+                f"overlap={self.overlap:g} must be below {min(depth, 0.5 * width):g} m, so that region={self.region} has a part of "
+                "particles alone"
+            )
 
     @property
     def lattice_radius(self) -> float | None:
@@ -236,6 +244,26 @@ def nested_particles(p: Parameters) -> tuple[Any, np.ndarray, np.ndarray]:
     return soil, layout.ghost, layout.share
 
 
+def overlap_zone(p: Parameters) -> Any:
+    """The rim of the particles' region that the continuum shares; its faces reach far above the surface."""
+    from bridge import OverlapZone
+    from meshes import Box
+
+    (left, bottom), (right, top) = particle_region(p).bounds
+    return OverlapZone.within(Box((left, bottom), (right, top + 2.0 * DEPTH)), p.overlap)
+
+
+def overlapping_particles(p: Parameters) -> Any:
+    """Discs of the region, those on its outline too, under the plate."""
+    from particles import Assembly
+
+    centres, radii = sites(p)
+    kept = particle_region(p).distance(centres) <= 1e-6 * radii
+    soil = Assembly(centres[kept], radii[kept], p.density, contact_law(p), skin=skin(p))
+    soil.add_wall(plate(p))
+    return soil
+
+
 def _check_surrounded(p: Parameters, ghosts: np.ndarray, largest: float) -> None:
     """Ghosts tie the particles to the continuum: they must line the region's left, right and lower side without gaps."""
     (left, bottom), (right, top) = particle_region(p).bounds
@@ -285,7 +313,9 @@ def domain(p: Parameters, comm: Any) -> Any:
         return domains.rectangle((0.0, 0.0), (WIDTH, DEPTH), cells=cells, comm=comm)
     if p.mesh == "graded":
         left = p.plate_position - 0.5 * width
-        inner = Box((left, DEPTH - depth), (left + width, DEPTH)) if p.method == "bridging" else None
+        inner = None
+        if p.method in ("bridging", "overlap"):
+            inner = Box((left, DEPTH - depth), (left + width, DEPTH))
         near = 0.25 * p.element_size
         return domains.foundation(WIDTH, DEPTH, p.plate_width, p.element_size, near, region=inner, comm=comm)
     found = domains.read(p.mesh, comm=comm)
@@ -298,11 +328,11 @@ def domain(p: Parameters, comm: Any) -> Any:
     return found
 
 
-def body(p: Parameters, solid: Any, comm: Any, excluded: Any = None) -> Any:
-    """The continuum of a material, with its supports; `excluded` is left to the particles (collective)."""
+def body(p: Parameters, solid: Any, comm: Any, excluded: Any = None, share: Any = None) -> Any:
+    """The continuum of a material, with its supports; what is `excluded` or beyond its `share` is the particles' (collective)."""
     from continuum import Body
 
-    soil = Body(domain(p, comm), solid, excluded=excluded)
+    soil = Body(domain(p, comm), solid, excluded=excluded, share=share)
     soil.fix("left", "xr")
     soil.fix("right", "xr")
     soil.fix("bottom", "xyr")

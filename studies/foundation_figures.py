@@ -12,8 +12,8 @@ from studies.foundation import DEPTH, PAPER_STATES, WIDTH
 from studies.foundation_run import PUBLISHED, Finished
 from studies.snapshots import Snapshot
 
-NAMES = {"dem": "particles", "bridging": "bridging scale", "fem": "continuum"}
-COLOURS = {"dem": "#000000", "bridging": "#c1272d", "fem": "#1f5fa8"}
+NAMES = {"dem": "particles", "bridging": "bridging scale", "overlap": "overlap", "fem": "continuum"}
+COLOURS = {"dem": "#000000", "bridging": "#c1272d", "overlap": "#2e7d32", "fem": "#1f5fa8"}
 
 
 class Field(NamedTuple):
@@ -207,5 +207,5 @@ def _label(run: Finished) -> str:
     if p.method == "fem":
         return f"continuum ({p.moduli} moduli)"
     discs = f"assembly {p.assembly}" if p.radius is None else f"discs of {p.radius:g} m"
-    region = f", region {p.region} m" if p.method == "bridging" else ""
+    region = f", region {p.region} m" if p.method in ("bridging", "overlap") else ""
     return f"{NAMES[p.method]}, {discs}{region}"

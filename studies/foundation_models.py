@@ -1,4 +1,4 @@
-"""The foundation's three models behind one face: time steps, samples, energies and snapshots.
+"""The foundation's models behind one face: time steps, samples, energies and snapshots; here particles and continuum alone.
 
 Rank 0 holds all particles; the continuum is spread over the ranks. Every method is collective.
 """
@@ -15,7 +15,7 @@ from mpi4py import MPI
 from bridge.run import Stopwatch, on_root
 from studies import foundation as scene
 from studies.foundation import AVERAGING, Parameters
-from studies.foundation_steps import COARSE_RATIO, check_number_of_steps, fit_substeps, warn_of_growth
+from studies.foundation_steps import COARSE_RATIO, check_number_of_steps
 from studies.snapshots import Snapshot, continuum_fields, particle_fields
 
 UNSTABLE = 3  # exit status
@@ -30,10 +30,11 @@ TERMS = (
     "contact_loss",
     "mass_damping",
     "interface",
+    "penalty",
 )
 
 
-class _Foundation:
+class Foundation:
     """What the models share.
 
     Attributes:
@@ -106,7 +107,7 @@ class _Foundation:
         return Snapshot(self.time, self.displacement, *found, continuum)
 
 
-class ParticleFoundation(_Foundation):
+class ParticleFoundation(Foundation):
     """Particles everywhere; other ranks than 0 look on."""
 
     def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
@@ -140,12 +141,12 @@ class ParticleFoundation(_Foundation):
                 "friction": sum(value for name, value in e.items() if name.startswith("friction")),
             }
             sums |= {name: e[name] for name in ("viscous", "contact_loss", "mass_damping")}
-            return _complete(sums, self.soil.energy_balance())
+            return complete(sums, self.soil.energy_balance())
 
         return on_root(self.comm, terms)
 
 
-class ContinuumFoundation(_Foundation):
+class ContinuumFoundation(Foundation):
     """A linear Cosserat continuum everywhere; the plate prescribes the vertical velocity of the nodes under it."""
 
     def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
@@ -175,118 +176,16 @@ class ContinuumFoundation(_Foundation):
 
     def energies(self) -> dict[str, float]:
         e = self.body.energies()
-        return _complete(
+        return complete(
             {name: e[name] for name in ("external_work", "kinetic", "strain", "mass_damping")}, e["balance"]
         )
 
 
-class BridgedFoundation(_Foundation):
-    """Particles under the plate and the continuum around them, by the bridging-scale method."""
-
-    def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
-        from bridge import BridgingScale
-
-        super().__init__(p, comm)
-        nested = on_root_only(comm, lambda: scene.nested_particles(p))
-        self.soil, self.ghosts, share = nested or (_no_particles(p), np.zeros(0, dtype=bool), np.zeros(0))
-        self.body = scene.body(p, self.material, comm, excluded=scene.particle_region(p))
-        fine_critical = on_root(comm, lambda: self.soil.critical_step())
-        coarse_critical = self.body.critical_step()
-        fine, substeps = fit_substeps(p, self._fine_step(fine_critical), coarse_critical)
-        self._plan(substeps * fine, coarse_critical)
-        mean_radius = float(np.mean(on_root(comm, lambda: self.soil.radii)))
-        warn_of_growth(p, substeps, self.step / coarse_critical, mean_radius)
-        self.coupled = BridgingScale(
-            self.body, self.soil, self.ghosts, share, step=self.step, substeps=substeps, variant=p.variant,
-            mass_damping=p.damping,
-        )  # fmt: skip
-        self.coupled.fine.run_loop = stopwatch.part("particles", self.coupled.fine.run_loop)  # type: ignore[method-assign]
-        self.step_sizes = {
-            "coarse": self.step, "coarse_critical": coarse_critical,
-            "fine": self.step / substeps, "fine_critical": fine_critical,
-        }  # fmt: skip
-        ghosts, particles = on_root(comm, lambda: (int(self.ghosts.sum()), int((~self.ghosts).sum())))
-        covered = comm.allreduce(int(np.count_nonzero(self.body.cell_fractions == 0.0)))
-        self.counts = {
-            "particles": particles, "ghosts": ghosts, "elements": comm.allreduce(len(self.body.cell_nodes)),
-            "covered_elements": covered, "coarse_steps": self.steps, "fine_steps": self.steps * substeps,
-        }  # fmt: skip
-        stiffness, density = self.material.stiffness, self.material.density
-        self._fastest = math.sqrt(float(np.abs(stiffness).max()) / density)
-
-    def grows(self) -> Any:
-        """The growth test of the linearised system, with a warning where it grows; takes a while."""
-        from bridge import growth
-
-        found = growth(self.coupled)
-        found.warn(self.p.duration, f"variant={self.p.variant} with {self.coupled.substeps} substeps")
-        return found
-
-    def advance(self, steps: int) -> None:
-        """Take coarse steps."""
-        if self.comm.size == 1:
-            self.coupled.advance(steps)
-        else:
-            self._advance_or_abort(steps)
-        self._check_stable()
-
-    def _advance_or_abort(self, steps: int) -> None:
-        """Particles that blow up inside a step leave the other ranks waiting for ever: the run is ended from here."""
-        from particles import Unstable
-
-        try:
-            self.coupled.advance(steps)
-        except Unstable as unstable:
-            self.last_words(str(unstable))
-            self.comm.Abort(UNSTABLE)
-
-    def _check_stable(self) -> None:
-        from continuum import Unstable
-
-        velocity = self.body.velocity
-        if self.comm.size == 1 and np.vdot(velocity, velocity) <= self._fastest**2:
-            return  # the usual case, at no cost: not even all nodes together are that fast
-        speed = np.abs(velocity[:, :2]).max(axis=1, initial=0.0)
-        with np.errstate(invalid="ignore"):
-            wild = ~(speed <= self._fastest)
-        places = [tuple(place) for found in self.comm.allgather(self.body.coordinates[wild][:1]) for place in found]
-        if places:
-            x, y = places[0]
-            raise Unstable(
-                f"the continuum became unstable by t={self.time:.6g} s: the node at ({x:.6g}, {y:.6g}) m moves faster than "
-                f"the wave speed {self._fastest:.4g} m/s; take fewer substeps, another variant or more damping"
-            )
-
-    @property
-    def time(self) -> float:  # type: ignore[override]
-        """Time since the start, s."""
-        return self.coupled.time
-
-    def load(self) -> float:
-        return on_root(self.comm, lambda: float(self.soil.plates[0].force[1]))
-
-    def sample(self) -> dict[str, float]:
-        return super().sample() | {"interface_gap_m": self.coupled.mismatch()}
-
-    def energies(self) -> dict[str, float]:
-        e = self.coupled.energies()
-        return _complete({"external_work": e["external"]} | e, e["balance"])
-
-    def snapshot(self) -> Snapshot:
-        self.coupled.project_covered()
-        return super().snapshot()
-
-
-MODELS: dict[str, Callable[..., Any]] = {
-    "dem": ParticleFoundation, "bridging": BridgedFoundation, "fem": ContinuumFoundation
-}  # fmt: skip
-
-
-def _complete(terms: dict[str, float], balance: float) -> dict[str, float]:
+def complete(terms: dict[str, float], balance: float) -> dict[str, float]:
     return {name: float(terms.get(name, 0.0)) for name in TERMS} | {"balance": float(balance)}
 
 
-def _no_particles(p: Parameters) -> Any:
+def no_particles(p: Parameters) -> Any:
     from particles import Assembly
 
     return Assembly(np.zeros((0, 2)), np.zeros(0), p.density, scene.contact_law(p))

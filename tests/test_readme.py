@@ -38,3 +38,12 @@ def test_the_scripts_on_particles_run_one_after_the_other(capsys, tmp_path, monk
     # six spheres above it: 6 m g from above and 7 m g from below at arms of r: 13 m g r / V = 13 rho g r
     assert ratio <= 1e-3 and abs(stress / (-13.0 * 2600.0 * 9.81 * 0.05) - 1.0) < 0.02
     assert (tmp_path / "chains.vtu").exists()
+
+
+def test_the_script_on_the_overlap_keeps_its_energy(capsys):
+    (script,) = scripts("docs/overlap.md")
+    exec(compile(script, "docs/overlap.md", "exec"), {"__name__": "guide"})
+    balance, step = map(float, capsys.readouterr().out.split())
+    # stored at the start: one bond of each of five rows stretched by 1e-7 m
+    assert abs(balance) < 1e-6 * 5 * 0.5 * 2.69e11 * (1e-7) ** 2
+    assert 1.5e-7 < step < 3.4e-7  # at most that of the lattice alone, 2 / sqrt(4 k / m)

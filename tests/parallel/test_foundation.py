@@ -7,7 +7,7 @@ from mpi4py import MPI
 from bridge.run import Stopwatch, on_root
 from particles import Unstable
 from studies.foundation import Parameters
-from studies.foundation_models import MODELS
+from studies.foundation_coupled import MODELS
 from studies.foundation_run import carry_out, extremes, set_up
 
 COMM = MPI.COMM_WORLD

@@ -89,6 +89,18 @@ def test_fields_are_series_on_one_time_axis(compared, method):
     assert times[0] == 0.0 and times[-1] == pytest.approx(0.004)
 
 
+def test_a_scene_is_computed_by_overlap_with_one_argument_changed(compared, tmp_path):
+    """The same soil; its rim is shared: peak near that of particles alone, energy accounted for."""
+    answer = studies("foundation", "--method", "overlap", *SMALL, "--output", tmp_path)
+    assert answer.returncode == 0 and not answer.stderr, answer.stderr
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["method"] == "overlap" and summary["energy"]["balance_error"] < 0.01
+    assert {file.stem for file in (tmp_path / "fields").glob("*.pvd")} == PARTS["bridging"]
+    alone = json.loads((compared[0] / "dem" / "summary.json").read_text())
+    loads = [one["results"]["peak_load"]["value"] for one in (summary, alone)]
+    assert loads[0] == pytest.approx(loads[1], rel=0.3)
+
+
 def test_a_run_clears_away_every_kind_of_file_that_it_writes(compared):
     """Else an old file would pass for a new one: the names are a list of their own."""
     from studies import foundation_compare, foundation_run
@@ -169,6 +181,8 @@ REFUSED = {
     "foundation --normal-stiffness -1": "normal_stiffness=-1.0",
     "foundation --region 30x3": "region=30x3",
     "foundation --substeps 1000": "substeps=1000",
+    "foundation --method overlap --overlap 3": "overlap=3",
+    "foundation --method overlap --substeps 1000": "substeps=1000",
     "foundation --step 0.1": "step=0.1",
     "foundation --method dem --speed 1000": "speed=1000.0",
     "foundation --mesh {bad}": "bad.msh",

@@ -10,7 +10,7 @@ from bridge.run import Stopwatch
 from particles import measures
 from studies import foundation as scene
 from studies.foundation import Parameters
-from studies.foundation_models import MODELS
+from studies.foundation_coupled import MODELS
 from studies.foundation_run import carry_out, frame_steps, set_up
 from studies.snapshots import neighbourhood_average
 
@@ -77,14 +77,14 @@ def test_the_lowest_row_and_the_outermost_columns_are_held():
         assert moved[side & ~lowest][:, 1].min() > 0.0
 
 
-@pytest.mark.parametrize("method", ["dem", "bridging", "fem"])
+@pytest.mark.parametrize("method", ["dem", "bridging", "overlap", "fem"])
 @pytest.mark.parametrize("displacement", [0.002, 0.00777])
 def test_steps_end_exactly_at_the_displacement(method, displacement):
     p = Parameters(method=method, radius=0.2, displacement=displacement, speed=0.7)
     model = MODELS[method](p, Stopwatch())
     assert model.steps * model.step * p.speed == pytest.approx(displacement, rel=1e-12)
     sizes = model.step_sizes
-    for scale in {"dem": ["fine"], "bridging": ["fine", "coarse"], "fem": ["coarse"]}[method]:
+    for scale in {"dem": ["fine"], "bridging": ["fine", "coarse"], "overlap": ["fine", "coarse"], "fem": ["coarse"]}[method]:
         assert sizes[scale] <= 0.5 * sizes[f"{scale}_critical"] * (1.0 + 1e-9)
 
 

@@ -1,0 +1,202 @@
+"""Overlap coupling: particles and continuum share a zone, in which the particles are tied to the mesh (Rojek & Onate 2007).
+
+In the zone both carry a part: stiffness, mass and loads of the continuum count by alpha, contacts, masses and loads of the
+particles by 1 - alpha (`OverlapZone`). The ties are
+
+`lagrange`  eqs 85-86: tied components follow from the nodes, u = N d; the nodes carry the particles' mass and forces,
+            (M_F + N^T M N) a = f + N^T F, with the consistent matrix, factored once.
+`penalty`   eq 89: springs between particles and mesh.
+
+One coarse step takes `substeps` particle steps, by explicit subcycling as in the bridging scale: nodes of the zone take the
+particles' steps.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from bridge.interpolation import on_every_rank
+from bridge.overlap import limit
+from bridge.overlap.fine import ZoneParticles
+from bridge.overlap.mesh import ThreeComponents
+from bridge.overlap.rule import OverlapRule
+from bridge.overlap.tie import ROTATIONS, Tie
+from particles.stability import normal_stiffness
+
+CONSTRAINTS = ("lagrange", "penalty")
+
+
+class Overlap:
+    """A body and particles that overlap, advanced together.
+
+    Particles may live on one rank (the others pass an empty assembly); construction and every method are collective. The
+    particles are weighed (`Assembly.weigh`): from now on their masses are the shares that they carry. Eliminated components
+    follow the mesh, also where the motion of the body is written from outside; velocities that they are given do not count.
+
+    Args:
+        body: Cauchy or Cosserat body whose `share` is the zone.
+        soil: Particles, none where the continuum is alone; they may fill a part of the zone only where the body ends.
+        zone: OverlapZone.
+        constraint: "lagrange" or "penalty".
+        rotation: Of tied particles: "micro" (the micro-rotation; default with a Cosserat body), "curl" (half the curl of the
+            mesh) or "free" (default with a Cauchy body, as published).
+        penalty: Stiffness of the springs: alpha (1 - alpha) of each particle's normal contact stiffness, times this (turning:
+            times its radius squared). With 4 a spring in the middle of the zone is as stiff as a contact.
+        step: Coarse time step, s.
+        substeps: Particle steps in a coarse step.
+        mass_damping: c_m of both, 1/s.
+
+    Supports, loads and gravity of the body and external forces of the particles must be set before; gravity is the body's and
+    acts on the particles too.
+
+    Raises:
+        ValueError: for arguments out of range or that do not go together, or a step above the critical one of either side.
+    """
+
+    def __init__(
+        self,
+        body: Any,
+        soil: Any,
+        zone: Any,
+        *,
+        constraint: str = "lagrange",
+        rotation: str | None = None,
+        penalty: float = 4.0,
+        step: float,
+        substeps: int = 1,
+        mass_damping: float = 0.0,
+    ):
+        if constraint not in CONSTRAINTS:
+            raise ValueError(f"constraint={constraint!r} must be one of {', '.join(CONSTRAINTS)}")
+        if rotation is None:
+            rotation = "micro" if body.components == 3 else "free"
+        if rotation not in ROTATIONS:
+            raise ValueError(f"rotation={rotation!r} must be one of {', '.join(ROTATIONS)}")
+        if rotation == "micro" and body.components != 3:
+            raise ValueError("rotation='micro' needs a Cosserat body; take 'curl' or 'free' with a Cauchy body")
+        if int(substeps) != substeps or substeps < 1:
+            raise ValueError(f"substeps={substeps} must be a whole number of at least 1")
+        for name, value, least in (("step", step, 1), ("penalty", penalty, 1), ("mass_damping", mass_damping, 0)):
+            if not (np.isfinite(value) and value >= 0.0 and (value > 0.0 or not least)):
+                raise ValueError(f"{name}={value} must be {'positive' if least else 'zero or positive'} and finite")
+        if body.share is not zone:
+            raise ValueError("the body does not leave the zone's share to the particles: make it with share=zone, the same zone")
+        on_every_rank(body.comm, lambda: _check_plane(soil))
+        self.body, self.soil, self.zone, self.constraint, self.rotation = body, soil, zone, constraint, rotation
+        self.step, self.substeps, self.mass_damping = float(step), int(substeps), float(mass_damping)
+        self.time, self.coarse_steps = 0.0, 0
+        self.mesh = ThreeComponents(body)
+        self.tie = Tie(body, soil, zone, rotation)
+        on_every_rank(body.comm, lambda: _check_held(soil, self.tie.ids))
+        self.exchange = self.tie.exchange
+        soil.weigh(self.tie.share, self.tie.mass_share, np.isin(np.arange(soil.count), self.tie.ids, invert=True))
+        springs = None
+        if constraint == "penalty":
+            springs = penalty * self.tie.spring_shares(normal_stiffness(soil), soil.radii)
+        gravity = body.gravity_acceleration
+        self.fine = ZoneParticles(soil, self.tie, springs, self.step / self.substeps, mass_damping, gravity)
+        self._revision = body.boundaries.revision
+        self.rule = OverlapRule(self)
+        self._check_steps()
+        self._initial = self._terms()
+
+    def critical_step(self, sharp: bool = False) -> float:
+        """Largest stable particle step, s (collective): particles, ties and the nodes that take this step.
+
+        By default a rigorous bound; `sharp` solves for the largest frequency (`bridge.overlap.limit`).
+        """
+        own = limit.sharp(self) if sharp else limit.bound(self)
+        return self.body.comm.allreduce(own, op=MPI.MIN)
+
+    def _check_steps(self) -> None:
+        """Raise a ValueError where a step exceeds what its side can take by itself (collective)."""
+        fine, body = self.step / self.substeps, self.body
+        if fine > self.critical_step() and fine > (most := self.critical_step(sharp=True)):
+            raise ValueError(
+                f"step={self.step:g} s in {self.substeps} substeps: {fine:.4g} s must be at most {most:.4g} s, the critical "
+                f"step of the particles and the zone (constraint={self.constraint!r}); take a smaller step"
+            )
+        if self.step > body.critical_step() and self.step > (most := body.critical_step("power")):
+            raise ValueError(
+                f"step={self.step:g} s must be at most the continuum's critical step of {most:.4g} s; take fewer substeps"
+            )
+
+    def advance(self, steps: int) -> None:
+        """Take that many coarse steps.
+
+        Raises:
+            ValueError: for a negative number, or when supports or loads were changed meanwhile.
+        """
+        if steps < 0:
+            raise ValueError(f"steps={steps} must be zero or positive")
+        same = self.body.boundaries.revision == self._revision
+        on_every_rank(self.body.comm, lambda: self._check_loads(same))
+        self.rule.run(steps)
+
+    def _check_loads(self, same: bool) -> None:
+        if not (same and np.array_equal(self.soil.external_forces[self.tie.ids], self.fine.external)):
+            raise ValueError("supports and loads must be set before Overlap is made: make a new one")
+
+    def count(self, steps: int) -> None:
+        """Let the clock go on by coarse steps that were taken."""
+        self.coarse_steps += steps
+        self.time = self.body.time = self.coarse_steps * self.step
+
+    def mismatch(self) -> float:
+        """Largest distance of a tied particle from the motion of the mesh at its place, m (collective)."""
+        gap = self.fine.stretch(self.exchange.gather(self.mesh.displacement))
+        return float(self.body.comm.allreduce(np.abs(gap[:, :2]).max(initial=0.0), op=MPI.MAX))
+
+    def multipliers(self) -> np.ndarray:
+        """Forces and moments (g, 3) of the tied particles `tie.ids` of this rank on the mesh, N and N m; zero where free.
+
+        lambda = F - M a with the weighted contact forces F (lagrange), k times the stretch (penalty).
+        """
+        force = np.where(self.tie.tied, self.fine.force, 0.0)
+        if not self.fine.eliminated or not self.soil.count:
+            return force
+        accelerations = self.soil.accelerations[self.tie.ids]
+        return np.where(self.tie.tied, force - self.fine.masses * accelerations, 0.0)
+
+    def energies(self) -> dict[str, float]:
+        """Energies of the whole system since the start, J per metre (collective).
+
+        Kinetic and elastic energy of the particles' part, kinetic and strain energy of the continuum's; `penalty`, stored in
+        the springs; what friction, dashpots, damping, opened and broken contacts took; `external` work of walls, loads and
+        gravity; `interface`, what substeps take where the zone meets the other nodes. `balance` is what is unaccounted for, with the kinetic energy 1/2 v(n-1/2) M v(n+1/2) of the time integration,
+        which differs from 1/2 v M v by h^2/8 a M a.
+        """
+        terms = self._terms()
+        result = {name: terms[name] - self._initial[name] for name in terms}
+        stored = sum(result[name] for name in ("kinetic", "elastic", "strain", "penalty"))
+        lost = sum(result[name] for name in ("friction", "viscous", "contact_loss", "mass_damping", "interface"))
+        result["balance"] = stored + lost - result["external"] - result.pop("stepping")
+        return result
+
+    def _terms(self) -> dict[str, float]:
+        names = self.fine.ENERGY_NAMES
+        self.rule.receive()
+        local = self.fine.energies(self.exchange.gather(self.mesh.displacement))
+        sums = self.body.comm.allreduce(np.concatenate([local, self.rule.energies()])).tolist()
+        result = dict(zip(names, sums[: len(names)], strict=True))
+        kinetic, strain, damping, external, interface, stepping = sums[len(names) :]
+        result["kinetic"] += kinetic
+        result["stepping"] += stepping
+        result["strain"], result["interface"] = strain, interface
+        result["mass_damping"] += damping
+        result["external"] += external
+        return result
+
+
+def _check_plane(soil: Any) -> None:
+    if soil.axes != 2:
+        raise ValueError("the overlap coupling is plane, as the continuum is: give discs, not spheres")
+
+
+def _check_held(soil: Any, ids: np.ndarray) -> None:
+    both = np.intersect1d(soil.held, ids)
+    if len(both):
+        raise ValueError(f"particle {both[0]} is held and lies in the zone, where the mesh leads: fix the body there instead")

@@ -1,0 +1,188 @@
+"""The particle side of the overlap coupling."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from bridge.overlap.mass import factored, rows_of, solve
+from bridge.overlap.nodes import ZoneNodes
+from bridge.overlap.steps import Tied, run_penalised, run_tied
+from bridge.overlap.tie import Tie
+from bridge.particle_side import ParticleSide
+from particles.dispatch import Direct
+
+Array = NDArray[np.float64]
+
+_run_tied, _run_penalised, _solve = map(Direct, (run_tied, run_penalised, solve))
+
+
+class ZoneParticles(ParticleSide):
+    """Particles of which those in the zone are tied to the mesh, and the nodes that tie them.
+
+    Args:
+        soil: Assembly, weighed already.
+        tie: Tied particles.
+        stiffness: (g, 3) of springs, or None where the tied components are eliminated.
+        step: Particle time step, s.
+        mass_damping: c_m, 1/s.
+        gravity: m/s2.
+    """
+
+    ENERGY_NAMES = (
+        "kinetic", "elastic", "friction", "viscous", "contact_loss", "mass_damping", "external", "penalty", "stepping",
+    )  # fmt: skip
+
+    def __init__(self, soil, tie: Tie, stiffness: Array | None, step: float, mass_damping: float, gravity):
+        super().__init__(soil, step, mass_damping, gravity)
+        self.tie, self.eliminated = tie, stiffness is None
+        count, width = len(tie.ids), len(tie.exchange.nodes)
+        self.masses = np.column_stack([soil.masses, soil.masses, soil.inertias])[tie.ids]
+        self.stiffness = np.zeros((count, 3)) if stiffness is None else np.where(tie.tied, stiffness, 0.0)
+        self.force, self._origin = np.zeros((count, 3)), np.zeros((count, 3))
+        self.nodes = ZoneNodes._make([*(np.zeros(3 * width) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1)])
+        self.external = soil.external_forces[tie.ids]
+        loads = self.masses * [*gravity, 0.0] + tie.share[tie.ids, None] * self.external
+        self.load = np.where(tie.tied & self.eliminated, loads, 0.0)  # of the mesh, where components are eliminated
+
+    def set_nodes(
+        self, mass: Array, movable: NDArray[np.bool_], stiffness: sparse.csr_matrix, edge: sparse.csr_matrix, displacement: Array
+    ) -> None:  # fmt: skip
+        """Factor the masses; what is now the state becomes the one without stretch.
+
+        Args:
+            mass: Lumped mass of the continuum at the nodes (w, 3).
+            movable: Components (w, 3) that are neither prescribed nor without any mass.
+            stiffness: Of the continuum among the nodes (3 w, 3 w).
+            edge: The part of it that is of cells with other nodes, too.
+            displacement: Of the nodes (w, 3).
+        """
+        self.lumped, tie = mass.ravel(), self.tie.matrix
+        matrix = sparse.diags(self.lumped)
+        if self.eliminated:
+            matrix = matrix + tie.T @ sparse.diags(self.masses.ravel()) @ tie
+        self.mass = factored(matrix, np.flatnonzero(movable.ravel() & (matrix.diagonal() > 0.0)))
+        self.continuum_stiffness, self._edge = stiffness, edge
+        self._inner = rows_of(stiffness)
+        if self.soil.count:
+            self._prepare(1)
+            self._origin[:] = self.soil.system.position[self._led.rows, :3]
+            self._origin -= (tie @ displacement.ravel()).reshape(-1, 3)
+            self._origin[:, 2] = np.where(self.tie.tied[:, 2], self._origin[:, 2], 0.0)
+
+    def _order(self, rows, order) -> None:
+        matrix = self.tie.matrix
+        self._led = Tied(
+            rows[self.tie.ids].astype(np.int64), matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64), matrix.data,
+            self.load, self._origin, self.stiffness, self.force,
+        )  # fmt: skip
+
+    def run(self, displacement: Array, velocity: Array, force: Array, slope: Array, steps: int) -> Array:
+        """Fine steps of particles and nodes of the zone within a coarse step.
+
+        Args:
+            displacement, velocity: Of the nodes (w, 3) at the start.
+            force: Of the continuum on them, N.
+            slope: Change of that force by the motion of the other nodes, N/s.
+            steps: Number of fine steps.
+
+        Returns:
+            (w, 9): displacement, change of velocity and acceleration at the end.
+        """
+        nodes = self.nodes
+        if not self.soil.count:
+            return np.zeros((len(velocity), 9))
+        self._prepare(steps)
+        nodes.base[:], nodes.velocity[:] = displacement.ravel(), velocity.ravel()
+        nodes.start[:], nodes.slope[:] = force.ravel(), slope.ravel()
+        kernel = _run_tied if self.eliminated else _run_penalised
+        self.run_loop(kernel, steps, (nodes, self._inner, self.mass, self.mass_damping), ())
+        moved, reached, acceleration = (part.reshape(-1, 3) for part in (nodes.moved, nodes.velocity, nodes.acceleration))
+        return np.hstack([moved, reached - velocity, acceleration])
+
+    def missing(self, step: float) -> Array:
+        """Impulse (w, 3) that cells at the edge of the zone lack in a coarse step to that of the trapezoidal rule, N s.
+
+        Within the step the nodes of the zone feel them at every fine time, those outside at both ends.
+        """
+        nodes = self.nodes
+        return (self._edge @ (nodes.swept - 0.5 * step * nodes.moved)).reshape(-1, 3)
+
+    @property
+    def worked(self) -> float:
+        """Work of the continuum on the nodes of the zone in the last `run`, J."""
+        return float(self.nodes.work[0])
+
+    def solve(self, values: Array) -> Array:
+        """M^-1 values (w, 3) of the nodes."""
+        flat = np.ascontiguousarray(values).ravel().copy()
+        if flat.size:
+            _solve(self.mass, flat)
+        return flat.reshape(-1, 3)
+
+    def kick(self, velocity: Array) -> None:
+        """Add a change of the nodes' velocity (w, 3) to the components that follow them."""
+        if self.eliminated and self.soil.count:
+            self.soil.system.velocity[self._led.rows, :3] += (self.tie.matrix @ velocity.ravel()).reshape(-1, 3)
+
+    def follow_mesh(self, displacement: Array, velocity: Array) -> None:
+        """Put eliminated components where the nodal motion (w, 3) says; with linear contacts, compute the forces anew."""
+        if not self.soil.count:
+            return
+        system, led, tie = self.soil.system, self._led, self.tie
+        if self.eliminated:
+            for rows, values in ((system.position, displacement), (system.velocity, velocity)):
+                led_rows = rows[led.rows, :3]
+                wanted = (tie.matrix @ values.ravel()).reshape(-1, 3) + (self._origin if rows is system.position else 0.0)
+                rows[led.rows, :3] = np.where(tie.tied, wanted, led_rows)
+        if self.linear is not None:
+            shape = (3 * self.soil.count, 3 * self.soil.count)
+            matrix = sparse.csr_matrix((self.linear.value, self.linear.column, self.linear.start), shape=shape)
+            moved = system.position[:, :3] - self._reference
+            system.force[:, :3] = -(matrix @ moved.ravel()).reshape(-1, 3)
+
+    def linearise(self, stiffness: sparse.spmatrix | None) -> None:
+        """As for all couplings; loads are left out, and the state without stretch is that of the reference positions."""
+        super().linearise(stiffness)
+        if self.linear is not None:
+            self.load[:] = 0.0
+            self._origin[:] = np.where(self.tie.tied, self._reference[self._led.rows], 0.0)
+
+    def own_arrays(self) -> list[Array]:
+        """Arrays of this class that a linear analysis writes (kept and restored around it)."""
+        return [self.force, self.nodes.lost, self.nodes.work, self.load, self._origin]
+
+    def stretch(self, displacement: Array) -> Array:
+        """Motion of the tied particles beyond that of the mesh (g, 3), m and rad; zero for components that are free."""
+        if not self.soil.count:
+            return np.zeros((0, 3))
+        self._arrange()
+        moved = self.soil.system.position[self._led.rows, :3] - self._origin
+        return np.where(self.tie.tied, moved - (self.tie.matrix @ displacement.ravel()).reshape(-1, 3), 0.0)
+
+    def energies(self, displacement: Array) -> list[float]:
+        """Energies (J) in the order of `ENERGY_NAMES`."""
+        if not self.soil.count:
+            return [0.0] * len(self.ENERGY_NAMES)
+        sums = self._sums()
+        sums["mass_damping"] += float(self.nodes.lost[0])
+        sums["penalty"] = 0.5 * float(np.vdot(self.stiffness, self.stretch(displacement) ** 2))
+        masses, accelerations = self.soil.masses[:, None] * [1.0, 1.0, 0.0], self.soil.accelerations
+        masses[:, 2] = self.soil.inertias
+        sums["stepping"] = self.step**2 / 8.0 * float(np.sum(masses * accelerations**2))
+        return [sums[name] for name in self.ENERGY_NAMES]
+
+    def start(self, force: Array) -> Array:
+        """Accelerations of the nodes (w, 3) under the continuum's force (w, 3) and the particles'; tied components take them."""
+        if not self.soil.count:
+            return np.zeros_like(force)
+        system, rows, tie = self.soil.system, self._led.rows, self.tie
+        if self.eliminated:
+            felt = np.where(tie.tied, system.force[rows, :3] - self.load, 0.0)
+            force = force + (tie.matrix.T @ felt.ravel()).reshape(-1, 3)
+        found = self.solve(force)
+        if self.eliminated:
+            led = (tie.matrix @ found.ravel()).reshape(-1, 3)
+            system.acceleration[rows, :3] = np.where(tie.tied, led, system.acceleration[rows, :3])
+        return found

@@ -1,0 +1,184 @@
+"""The fine steps of the overlap coupling, compiled: tied particles follow the mesh, or are drawn to it by springs.
+
+Nodes of the zone take the particles' steps under the forces of the tied particles and of the continuum, in which the other
+nodes move evenly over the coarse step (as in `bridge.subcycling`). A loop begins with `first` = -1; where it finds the
+neighbour list used up it returns the number of substeps done, and is called again with that number once the list is new.
+Between two calls the rows of the particles hold the forces that act on them, springs and ties left out.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from bridge.overlap.nodes import kick_nodes, pull_nodes, start_nodes
+from bridge.substeps import forces, list_used_up
+from particles.motion import drift, kick, kick_drift, moved
+from particles.system import INNER, OUTER
+
+
+class Tied(NamedTuple):
+    """Tied particles; line 3 k + c of the tie (CSR) gives component c of particle k from the flat nodal components."""
+
+    rows: np.ndarray  # (g,) in the particle arrays
+    start: np.ndarray  # (3 g + 1,); a component with an empty line is not tied
+    column: np.ndarray
+    value: np.ndarray
+    load: np.ndarray  # (g, 3): part of the force on an eliminated component that is a load of the mesh, N and N m
+    origin: np.ndarray  # (g, 3): place of the particle where nothing has moved, m and rad
+    stiffness: np.ndarray  # (g, 3): of the springs, N/m and N m/rad
+    force: np.ndarray  # (g, 3): of the contacts (eliminated) or of the springs (penalty) at the last evaluation
+
+
+@njit(**INNER)
+def _feel(system, tied, link):
+    """link = G^T of the forces on the tied components, which then stand still and feel nothing."""
+    for i in range(link.size):
+        link[i] = 0.0
+    for k in range(tied.rows.size):
+        row = tied.rows[k]
+        for c in range(3):
+            line = 3 * k + c
+            if tied.start[line] == tied.start[line + 1]:
+                continue
+            force = system.force[row, c] - tied.load[k, c]
+            tied.force[k, c] = force
+            for s in range(tied.start[line], tied.start[line + 1]):
+                link[tied.column[s]] += tied.value[s] * force
+            system.velocity[row, c] = 0.0
+            system.acceleration[row, c] = 0.0
+            system.force[row, c] = 0.0
+
+
+@njit(**INNER)
+def _carry(system, tied, nodes, h):
+    """Give tied components the velocity and acceleration of the mesh, and the displacement of a step of `h` s."""
+    velocity, acceleration = nodes.velocity, nodes.acceleration
+    fastest = 0.0
+    for k in range(tied.rows.size):
+        row = tied.rows[k]
+        for c in range(3):
+            line = 3 * k + c
+            if tied.start[line] == tied.start[line + 1]:
+                continue
+            v, a = 0.0, 0.0
+            for s in range(tied.start[line], tied.start[line + 1]):
+                v += tied.value[s] * velocity[tied.column[s]]
+                a += tied.value[s] * acceleration[tied.column[s]]
+            system.velocity[row, c] = v
+            system.acceleration[row, c] = a
+            system.position[row, c] += h * v
+        fastest = max(fastest, system.velocity[row, 0] ** 2 + system.velocity[row, 1] ** 2)
+    moved(system, h * np.sqrt(fastest))
+
+
+@njit(**INNER)
+def _show_forces(system, tied):
+    """Give the rows of tied particles their forces back."""
+    for k in range(tied.rows.size):
+        for c in range(3):
+            if tied.start[3 * k + c] < tied.start[3 * k + c + 1]:
+                system.force[tied.rows[k], c] = tied.force[k, c] + tied.load[k, c]
+
+
+@njit(**INNER)
+def _stretch(system, tied, nodes):
+    """Forces of the springs: on the tied particles, and as their reactions on the nodes."""
+    link, base, since = nodes.link, nodes.base, nodes.moved
+    for i in range(link.size):
+        link[i] = 0.0
+    for k in range(tied.rows.size):
+        row = tied.rows[k]
+        for c in range(3):
+            line = 3 * k + c
+            if tied.start[line] == tied.start[line + 1]:
+                continue
+            gap = system.position[row, c] - tied.origin[k, c]
+            for s in range(tied.start[line], tied.start[line + 1]):
+                gap -= tied.value[s] * (base[tied.column[s]] + since[tied.column[s]])
+            force = tied.stiffness[k, c] * gap
+            tied.force[k, c] = force
+            system.force[row, c] -= force
+            for s in range(tied.start[line], tied.start[line + 1]):
+                link[tied.column[s]] += tied.value[s] * force
+
+
+@njit(**INNER)
+def _relax(system, tied):
+    """Take the forces of the springs off the rows again."""
+    for k in range(tied.rows.size):
+        for c in range(3):
+            if tied.start[3 * k + c] < tied.start[3 * k + c + 1]:
+                system.force[tied.rows[k], c] += tied.force[k, c]
+
+
+@njit(**INNER)
+def _accelerate(system, tied, damping):
+    """Accelerations of the tied components from the present forces, at the start of a coarse step."""
+    for k in range(tied.rows.size):
+        row = tied.rows[k]
+        for c in range(3):
+            if tied.start[3 * k + c] < tied.start[3 * k + c + 1]:
+                drag = damping * system.velocity[row, c]
+                system.acceleration[row, c] = system.force[row, c] * system.lightness[row, c] - drag
+
+
+@njit(**OUTER)
+def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, h, steps, first):
+    """Fine steps in which the tied components are eliminated: the mass of the nodes holds that of the particles.
+
+    Args:
+        stiffness: Of the continuum among the nodes of the zone (`Rows`).
+        mass: `Mass` of the nodes.
+        damping: c_m, 1/s.
+    """
+    if first < 0:
+        _feel(system, tied, nodes.link)
+        start_nodes(nodes, mass, damping, h)
+        drift(system, terms, h)
+        _carry(system, tied, nodes, h)
+    for j in range(max(first, 0), steps):
+        if list_used_up(system, linear):
+            return j
+        forces(system, terms, linear, h)
+        _feel(system, tied, nodes.link)
+        last = j == steps - 1
+        pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
+        kick_nodes(nodes, mass, damping, h, last)
+        if last:
+            kick(system, terms, h)
+            _carry(system, tied, nodes, 0.0)
+            _show_forces(system, tied)
+        else:
+            kick_drift(system, terms, h)
+            _carry(system, tied, nodes, h)
+    return steps
+
+
+@njit(**OUTER)
+def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, h, steps, first):
+    """Fine steps with springs between the tied components and the mesh; arguments as in `run_tied`."""
+    if first < 0:
+        for i in range(nodes.moved.size):
+            nodes.moved[i] = 0.0
+        _stretch(system, tied, nodes)
+        _accelerate(system, tied, damping)
+        _relax(system, tied)
+        start_nodes(nodes, mass, damping, h)
+        drift(system, terms, h)
+    for j in range(max(first, 0), steps):
+        if list_used_up(system, linear):
+            return j
+        forces(system, terms, linear, h)
+        _stretch(system, tied, nodes)
+        last = j == steps - 1
+        pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
+        kick_nodes(nodes, mass, damping, h, last)
+        if last:
+            kick(system, terms, h)
+            _relax(system, tied)
+        else:
+            kick_drift(system, terms, h)
+    return steps

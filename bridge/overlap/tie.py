@@ -1,0 +1,127 @@
+"""Which particles are tied to the mesh, how their motion follows from that of the nodes, and what they carry."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from bridge.interpolation import NodeExchange, on_every_rank
+
+Array = NDArray[np.float64]
+
+ON_FACE = 1e-6  # distance from a face, in radii, that counts as on it
+LEAST = 1e-3  # share that a particle keeps, though it had no contact
+NEAR = 0.02  # gap, in sums of radii, up to which two particles count as neighbours
+ROTATIONS = ("micro", "curl", "free")
+
+
+class Tie:
+    """Tied particles of this rank and the nodes that they need (construction is collective).
+
+    Attributes:
+        ids: (g,) tied particles.
+        exchange: NodeExchange of the w needed nodes.
+        matrix: G (3 g, 3 w), motion of the tied particles from that of the nodes; an empty row is a free component.
+        share: (n,) share of contacts and loads that particles carry, 1 - alpha.
+        mass_share: (n,) share of their mass, 1 - alpha with a floor.
+
+    Args:
+        body: Continuum.
+        soil: Assembly.
+        zone: OverlapZone.
+        rotation: One of `ROTATIONS`: rotations of the tied particles are the micro-rotation, half the curl of the
+            displacement, or free.
+
+    Raises:
+        ValueError: a tied particle outside the mesh, particles where the continuum is alone, or no tied particle at all.
+    """
+
+    def __init__(self, body: Any, soil: Any, zone: Any, rotation: str):
+        alpha = zone(soil.reference) if soil.count else np.zeros(0)
+        on_every_rank(body.comm, lambda: _check_place(soil, zone))
+        self.share = 1.0 - alpha
+        self.mass_share, self._mesh_share = (_with_floor(soil, share) for share in (self.share, alpha))
+        self.ids = np.flatnonzero(_in_zone(soil, zone))
+        if body.comm.allreduce(len(self.ids)) == 0:
+            raise ValueError("no particle lies in the overlap zone: move its faces, or fill it with particles")
+        points = soil.reference[self.ids].reshape(-1, 2)
+        nodes, shape, found = body.shape_functions(points, gradients=True)
+        on_every_rank(body.comm, lambda: _check_found(self.ids, points, np.asarray(found)))
+        self.exchange = NodeExchange(body.comm, body.owned_range, nodes)
+        self.matrix = _tie_matrix(np.searchsorted(self.exchange.nodes, nodes), shape, len(self.exchange.nodes), rotation)
+
+    def spring_shares(self, stiffness: Array, radii: Array) -> Array:
+        """alpha (1 - alpha) of stiffnesses (n,) for the tied particles (g, 3), turning times the radius squared.
+
+        Particle and mesh carry 1 - alpha and alpha of a mass, so that every spring swings as fast as a contact does.
+        """
+        both = (self._mesh_share * self.mass_share * stiffness)[self.ids, None]
+        return both * np.column_stack([np.ones((len(self.ids), 2)), radii[self.ids] ** 2])
+
+    @property
+    def tied(self) -> NDArray[np.bool_]:
+        """Which components (g, 3) of the tied particles are tied."""
+        return np.diff(self.matrix.indptr).reshape(-1, 3) > 0
+
+
+def _tie_matrix(columns, shape: Array, width: int, rotation: str) -> sparse.csr_matrix:
+    """G from the nodes' places (g, nodes a cell) and values and derivatives (g, nodes a cell, 3) of their shape functions."""
+    count, per_cell = columns.shape
+    particle = np.repeat(np.arange(count), per_cell)
+    node, values = columns.ravel(), shape.reshape(-1, 3).copy()
+    values[np.abs(values[:, 0]) < 1e-14, 0] = 0.0  # a point on an edge has no share in the nodes across
+    n, by_x, by_y = values.T
+    entries = [(0, 0, n), (1, 1, n)]
+    if rotation == "micro":
+        entries.append((2, 2, n))
+    elif rotation == "curl":
+        entries += [(2, 1, 0.5 * by_x), (2, 0, -0.5 * by_y)]
+    rows = np.concatenate([3 * particle + to for to, _, _ in entries])
+    places = np.concatenate([3 * node + component for _, component, _ in entries])
+    data = np.concatenate([value for _, _, value in entries])
+    matrix = sparse.csr_matrix((data, (rows, places)), shape=(3 * count, 3 * width))
+    matrix.eliminate_zeros()
+    return matrix
+
+
+def _in_zone(soil: Any, zone: Any) -> NDArray[np.bool_]:
+    """Mask (n,) of the particles with their centre in the zone, both faces included."""
+    if not soil.count:
+        return np.zeros(0, dtype=bool)
+    return zone.distances(soil.reference)[0] > -ON_FACE * soil.radii
+
+
+def _check_place(soil: Any, zone: Any) -> None:
+    if not soil.count:
+        return
+    beyond = zone.distances(soil.reference)[1] < -ON_FACE * soil.radii
+    if beyond.any():
+        first = int(np.flatnonzero(beyond)[0])
+        raise ValueError(
+            f"particle {first} at {soil.reference[first]} m lies beyond the zone, where the continuum is alone: leave such "
+            "particles out, or move the zone's outer face"
+        )
+
+
+def _check_found(ids, points: Array, found: NDArray[np.bool_]) -> None:
+    lost = np.flatnonzero(~found.astype(bool))
+    if len(lost):
+        raise ValueError(
+            f"{len(lost)} particles of the zone lie outside the mesh, the first ({ids[lost[0]]}) at {points[lost[0]]} m: the "
+            "mesh must reach over the whole zone"
+        )
+
+
+def _with_floor(soil: Any, share: Array) -> Array:
+    """Share of each particle (n,) that is at least half the largest share of its contacts: none goes without mass."""
+    least = np.full(len(share), LEAST)
+    if soil.count:
+        found, radii = soil.contacts(contact_range=NEAR), soil.radii
+        i, j = found.first, found.second
+        of_contact = (share[i] * radii[j] + share[j] * radii[i]) / (radii[i] + radii[j])
+        for side in (i, j):
+            np.maximum.at(least, side, 0.5 * of_contact)
+    return np.minimum(np.maximum(share, least), 1.0)

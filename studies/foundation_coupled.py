@@ -1,0 +1,164 @@
+"""The foundation of particles and continuum together: bridging scale and overlap.
+
+Rank 0 holds all particles; the continuum is spread over the ranks. Every method is collective.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from bridge import BridgingScale, Overlap, growth
+from bridge.run import Stopwatch, on_root
+from continuum import Unstable as ContinuumUnstable
+from particles import Unstable
+from studies import foundation as scene
+from studies.foundation import Parameters
+from studies.foundation_models import (
+    UNSTABLE,
+    ContinuumFoundation,
+    Foundation,
+    ParticleFoundation,
+    complete,
+    no_particles,
+    on_root_only,
+)
+from studies.foundation_steps import fit_substeps, warn_of_growth
+from studies.snapshots import Snapshot
+
+
+class CoupledFoundation(Foundation):
+    """What the couplings share."""
+
+    coupled: Any
+
+    def _plan_both(self, fine_critical: float) -> int:
+        """Plan the steps of both sides, from the particles' critical step (s); returns the substeps."""
+        coarse_critical = self.body.critical_step()
+        fine, substeps = fit_substeps(self.p, self._fine_step(fine_critical), coarse_critical)
+        self._plan(substeps * fine, coarse_critical)
+        self.step_sizes = {
+            "coarse": self.step, "coarse_critical": coarse_critical,
+            "fine": self.step / substeps, "fine_critical": fine_critical,
+        }  # fmt: skip
+        return substeps
+
+    def _watch(self, stopwatch: Stopwatch) -> None:
+        """Count the time of the particles' loops, and know the speed that nodes must not pass."""
+        self.coupled.fine.run_loop = stopwatch.part("particles", self.coupled.fine.run_loop)
+        stiffness, density = self.material.stiffness, self.material.density
+        self._fastest = math.sqrt(float(np.abs(stiffness).max()) / density)
+
+    def advance(self, steps: int) -> None:
+        """Take coarse steps."""
+        if self.comm.size == 1:
+            self.coupled.advance(steps)
+        else:
+            self._advance_or_abort(steps)
+        self._check_stable()
+
+    def _advance_or_abort(self, steps: int) -> None:
+        """Particles that blow up inside a step leave the other ranks waiting for ever: the run is ended from here."""
+        try:
+            self.coupled.advance(steps)
+        except Unstable as unstable:
+            self.last_words(str(unstable))
+            self.comm.Abort(UNSTABLE)
+
+    def _check_stable(self) -> None:
+        velocity = self.body.velocity
+        if self.comm.size == 1 and np.vdot(velocity, velocity) <= self._fastest**2:
+            return  # the usual case, at no cost: not even all nodes together are that fast
+        speed = np.abs(velocity[:, :2]).max(axis=1, initial=0.0)
+        with np.errstate(invalid="ignore"):
+            wild = ~(speed <= self._fastest)
+        places = [tuple(place) for found in self.comm.allgather(self.body.coordinates[wild][:1]) for place in found]
+        if places:
+            x, y = places[0]
+            raise ContinuumUnstable(
+                f"the continuum became unstable by t={self.time:.6g} s: the node at ({x:.6g}, {y:.6g}) m moves faster than "
+                f"the wave speed {self._fastest:.4g} m/s; take fewer substeps, another variant or more damping"
+            )
+
+    @property
+    def time(self) -> float:  # type: ignore[override]
+        """Time since the start, s."""
+        return self.coupled.time
+
+    def load(self) -> float:
+        return on_root(self.comm, lambda: float(self.soil.plates[0].force[1]))
+
+    def sample(self) -> dict[str, float]:
+        return super().sample() | {"interface_gap_m": self.coupled.mismatch()}
+
+    def energies(self) -> dict[str, float]:
+        e = self.coupled.energies()
+        return complete({"external_work": e["external"]} | e, e["balance"])
+
+
+class BridgedFoundation(CoupledFoundation):
+    """Particles under the plate and the continuum around them, by the bridging-scale method."""
+
+    def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
+        super().__init__(p, comm)
+        nested = on_root_only(comm, lambda: scene.nested_particles(p))
+        self.soil, self.ghosts, share = nested or (no_particles(p), np.zeros(0, dtype=bool), np.zeros(0))
+        self.body = scene.body(p, self.material, comm, excluded=scene.particle_region(p))
+        substeps = self._plan_both(on_root(comm, lambda: self.soil.critical_step()))
+        mean_radius = float(np.mean(on_root(comm, lambda: self.soil.radii)))
+        warn_of_growth(p, substeps, self.step / self.step_sizes["coarse_critical"], mean_radius)
+        self.coupled = BridgingScale(
+            self.body, self.soil, self.ghosts, share, step=self.step, substeps=substeps, variant=p.variant,
+            mass_damping=p.damping,
+        )  # fmt: skip
+        self._watch(stopwatch)
+        ghosts, particles = on_root(comm, lambda: (int(self.ghosts.sum()), int((~self.ghosts).sum())))
+        covered = comm.allreduce(int(np.count_nonzero(self.body.cell_fractions == 0.0)))
+        self.counts = {
+            "particles": particles, "ghosts": ghosts, "elements": comm.allreduce(len(self.body.cell_nodes)),
+            "covered_elements": covered, "coarse_steps": self.steps, "fine_steps": self.steps * substeps,
+        }  # fmt: skip
+
+    def grows(self) -> Any:
+        """The growth test of the linearised system, with a warning where it grows; takes a while."""
+        found = growth(self.coupled)
+        found.warn(self.p.duration, f"variant={self.p.variant} with {self.coupled.substeps} substeps")
+        return found
+
+    def snapshot(self) -> Snapshot:
+        self.coupled.project_covered()
+        return super().snapshot()
+
+
+class OverlapFoundation(CoupledFoundation):
+    """The same particles without ghosts, the rim of their region shared with the continuum."""
+
+    def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
+        super().__init__(p, comm)
+        self.soil = on_root_only(comm, lambda: scene.overlapping_particles(p)) or no_particles(p)
+        zone = scene.overlap_zone(p)
+        self.body = scene.body(p, self.material, comm, share=zone)
+
+        def couple(step: float, substeps: int) -> Overlap:
+            return Overlap(
+                self.body, self.soil, zone, constraint=p.constraint, step=step, substeps=substeps, mass_damping=p.damping
+            )
+
+        substeps = self._plan_both(couple(1e-3 * self.body.critical_step(), 1).critical_step())
+        self.coupled = couple(self.step, substeps)
+        self._watch(stopwatch)
+        self.counts = {
+            "particles": on_root(comm, lambda: self.soil.count), "tied": comm.allreduce(len(self.coupled.tie.ids)),
+            "elements": comm.allreduce(len(self.body.cell_nodes)),
+            "covered_elements": comm.allreduce(int(np.count_nonzero(self.body.cell_fractions == 0.0))),
+            "coarse_steps": self.steps, "fine_steps": self.steps * substeps,
+        }  # fmt: skip
+
+
+MODELS: dict[str, Callable[..., Any]] = {
+    "dem": ParticleFoundation, "bridging": BridgedFoundation, "overlap": OverlapFoundation, "fem": ContinuumFoundation,
+}  # fmt: skip

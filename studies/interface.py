@@ -1,0 +1,135 @@
+"""A pulse through the interface of particles and continuum (Rojek & Onate 2007, section 7): how much of it comes back?
+
+A strip with restrained sides, free at x = 0 and fixed at x = L, is particles on the left (a square lattice, so that the wave
+is that of a chain), cells on the right and both in an overlap zone. A cosine of width l is released at the free end,
+u = A (cos(2 pi x / l) + 1): the half that travels to the right has the height A and the full width l. SI units, per metre of
+thickness.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from studies.options import NOT_NEGATIVE, POSITIVE, SHARE, brief, check, parameter
+
+TITLE = "A pulse through the interface of particles and continuum: reflection and transmission"
+PUBLISHED_TRANSIT = 51.06e-6  # s, L / c with the paper's constants
+LARGEST_MAP = 2000  # settings
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Parameters of the study."""
+
+    constraint: str = parameter("lagrange", "Tie of the run that is shown.", choices=("lagrange", "penalty"))
+    element: float = parameter(0.002, "Element size of that run.", "m", POSITIVE)
+    overlap: float = parameter(0.05, "Width of its overlap zone.", "m", POSITIVE)
+    wavelength: float = parameter(0.02, "Width l of its pulse.", "m", POSITIVE)
+    penalty: float = parameter(4.0, "Factor of its springs (constraint penalty), see docs/overlap.md.", "-", POSITIVE)
+    elements: str = parameter("0.002,0.004,0.005", "Element sizes of the map.", "m")
+    overlaps: str = parameter("0.01,0.02,0.03,0.05", "Overlap widths of the map.", "m")
+    wavelengths: str = parameter("0.02,0.04", "Pulse widths of the map.", "m")
+    penalties: str = parameter("1,4,16", "Factors of the springs of the map, beside elimination.", "-")
+    wanted: float = parameter(0.01, "Reflection that is to be kept, a share of the pulse's height.", "-", SHARE)
+    cell: str = parameter("triangle", "Cells.", choices=("triangle", "quadrilateral"))
+    continuum: str = parameter("cauchy", "Material of the cells.", choices=("cauchy", "cosserat"))
+    profile: str = parameter("linear", "Share of the continuum across the zone.", choices=("linear", "smooth"))
+    length: float = parameter(0.3, "Length of the strip.", "m", POSITIVE)
+    width: float = parameter(0.01, "Width of the strip.", "m", POSITIVE)
+    inner: float = parameter(0.1, "Where the overlap zone and the cells begin.", "m", POSITIVE)
+    radius: float = parameter(0.001, "Radius of the particles; their diameter divides the width.", "m", POSITIVE)
+    young_modulus: float = parameter(2e11, "Young's modulus E.", "Pa", POSITIVE)
+    poisson_ratio: float = parameter(0.3, "Poisson's ratio of the cells.", "-", NOT_NEGATIVE, limits=(0, 0.49))
+    density: float = parameter(7800.0, "Density.", "kg/m3", POSITIVE)
+    amplitude: float = parameter(1e-5, "Height A of the pulse.", "m", POSITIVE)
+    step_ratio: float = parameter(0.8, "Time step as a share of the critical one.", "-", SHARE)
+    substeps: int = parameter(1, "Particle steps in a step of the cells.", "", POSITIVE, limits=(1, 100))
+
+    def __post_init__(self) -> None:
+        check(self)
+        rows = self.width / (2.0 * self.radius)
+        if abs(rows - round(rows)) > 1e-6 or round(rows) < 1:
+            raise ValueError(f"radius={self.radius:g} must be such that discs fill width={self.width:g} m: a half, a fourth, ... of it")
+        if len(self.settings()) > LARGEST_MAP:
+            raise ValueError(f"the map has {len(self.settings())} settings; it must have at most {LARGEST_MAP}: shorten its lists")
+        for setting in [self.shown, *self.settings()]:
+            self._check_setting(setting)
+
+    def _check_setting(self, s: Setting) -> None:
+        """Raise a ValueError where the waves of a run would not stay apart."""
+        if not s.wavelength >= 6.0 * self.radius:
+            raise ValueError(f"wavelength={s.wavelength:g} must be at least three diameters, {6 * self.radius:g} m")
+        if not s.overlap >= 2.0 * self.radius:
+            raise ValueError(f"overlap={s.overlap:g} must be at least a diameter of the particles, {2 * self.radius:g} m")
+        if not s.element <= self.length - self.inner:
+            raise ValueError(f"element={s.element:g} must be at most {self.length - self.inner:g} m, what is left for cells")
+        if not self.inner >= s.overlap + s.wavelength:
+            raise ValueError(
+                f"inner={self.inner:g} must be at least {s.overlap + s.wavelength:g} m, overlap and wavelength together: else what "
+                "comes back from the zone meets what the free end sends"
+            )
+        if not self.length >= self.inner + s.overlap + 1.5 * s.wavelength:
+            raise ValueError(
+                f"length={self.length:g} must be at least {self.inner + s.overlap + 1.5 * s.wavelength:g} m, for the pulse to leave "
+                "the zone before it meets the end"
+            )
+
+    @property
+    def shown(self) -> Setting:
+        """The run that is shown."""
+        return Setting(self.constraint, self.wavelength, self.element, self.overlap, self.penalty)
+
+    def settings(self) -> list[Setting]:
+        """The runs of the map."""
+        waves, sizes, widths = (numbers(name, getattr(self, name)) for name in ("wavelengths", "elements", "overlaps"))
+        ties = [("lagrange", 0.0), *(("penalty", factor) for factor in numbers("penalties", self.penalties))]
+        return [
+            Setting(tie, wave, size, width, factor)
+            for wave, size, width, (tie, factor) in itertools.product(waves, sizes, widths, ties)
+        ]
+
+    @property
+    def modulus(self) -> float:
+        """Modulus of uniaxial strain, Pa."""
+        nu = self.poisson_ratio
+        return self.young_modulus * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+
+    @property
+    def wave_speed(self) -> float:
+        """Speed of compression waves, m/s."""
+        return math.sqrt(self.modulus / self.density)
+
+    def pulse(self, x: np.ndarray, wavelength: float) -> np.ndarray:
+        """Initial displacement (eq 91)."""
+        return np.where(x < 0.5 * wavelength, self.amplitude * (np.cos(2.0 * np.pi * x / wavelength) + 1.0), 0.0)
+
+
+class Setting(NamedTuple):
+    """What varies from run to run; lengths in m, `penalty` is zero for elimination."""
+
+    constraint: str
+    wavelength: float
+    element: float
+    overlap: float
+    penalty: float
+
+    @property
+    def tie(self) -> str:
+        """In words."""
+        return "elimination" if self.constraint == "lagrange" else f"springs, factor {self.penalty:g}"
+
+
+def numbers(name: str, text: str) -> list[float]:
+    """Positive numbers of a list, ascending."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ValueError(f"{name}={brief(text)} must be numbers with commas between, such as 0.01,0.02") from None
+    if not all(math.isfinite(value) and value > 0.0 for value in values):
+        raise ValueError(f"{name}={brief(text)} must be positive numbers")
+    return sorted(set(values))

@@ -1,0 +1,64 @@
+"""The command `interface`: a pulse through the overlap of particles and cells, and the map of its reflections."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from studies.foundation_command import unstable
+from studies.interface import TITLE, Parameters
+from studies.options import brief, click_options, one_rank
+
+HELP = f"""{TITLE}.
+
+The first run is shown: profiles along the strip until the pulse has come back from the fixed end, displacements at two
+sections, energies. Then a map: the reflection of every pulse by every mesh and overlap, eliminated and with springs, against
+the same lattice without cells, and which zone keeps it below the wanted value. Published: Rojek & Onate (2007), section 7.
+"""
+
+
+@click.command("interface", help=HELP, context_settings={"max_content_width": 118})
+@click_options(Parameters)
+@click.option("--output", default="out/interface", metavar="FOLDER", help="Folder for the results.  [default: out/interface]")
+@click.option("--samples", default=400, type=int, metavar="NUMBER", help="Rows of history.csv.  [default: 400]")
+@click.option("--no-map", is_flag=True, help="Only the run that is shown.")
+@click.option("--no-figures", is_flag=True, help="Draw no figures.")
+@click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+def command(output: str, samples: int, no_map: bool, no_figures: bool, quiet: bool, **values: Any) -> int:
+    """Check everything, then run; returns the exit status."""
+    if not 1 <= samples <= 1_000_000:
+        raise ValueError(f"samples={brief(samples)} must be between 1 and 1000000")
+    p = Parameters(**values)
+    one_rank("interface")
+
+    from bridge.output import check_folder
+
+    folder = check_folder(output)
+
+    from studies.interface_run import carry_out
+
+    summary = carry_out(p, folder, samples=samples, map_too=not no_map, figures=not no_figures, progress=not quiet)
+    if not summary["stable"]:
+        return unstable(summary["message"])
+    if not quiet:
+        click.echo(report(summary))
+        click.echo(f"results in {folder}")
+    return 0
+
+
+def report(summary: dict[str, Any]) -> str:
+    """The numbers of the run that is shown, and the advice."""
+    results = summary["results"]
+    lines = [
+        f"reflection {100 * results['reflection']['value']:.2g} %, transmission {100 * results['transmission']['value']:.4g} % "
+        f"of the height; reflected energy {results['reflected_energy']['value']:.1e}"
+    ]
+    if "transit_time" in results:
+        lines.append(
+            f"transit {1e6 * results['transit_time']['value']:.2f} µs (published {1e6 * results['transit_time']['published']:.2f}), "
+            f"energy varies by {results['energy_variation']['value']:.1e} of the pulse's"
+        )
+    lines += summary["advice"]
+    lines.append("seconds: " + ", ".join(f"{name} {value:.1f}" for name, value in summary["seconds"].items()))
+    return "\n".join(lines)

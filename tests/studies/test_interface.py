@@ -1,0 +1,92 @@
+"""The pulse through the overlap zone: reflections of Rojek & Onate (2007), section 7, and the map."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from studies.interface import Parameters
+from studies.interface_command import command
+from studies.interface_model import passage
+from studies.interface_run import advise, carry_out, words
+
+SHORT = {"elements": "0.002", "overlaps": "0.01,0.03", "wavelengths": "0.02", "penalties": "4"}
+
+
+@pytest.mark.parametrize("constraint", ["lagrange", "penalty"])
+@pytest.mark.parametrize("element, most", [(0.002, 0.006), (0.004, 0.025)])
+def test_the_published_pulse_reflects_little(constraint, element, most):
+    """0.6 % of its height with ten elements in the pulse, 2.5 % with five (consistent matrix, overlap of 50 mm)."""
+    p = Parameters()
+    found = passage(p, p.shown._replace(constraint=constraint, element=element))
+    assert found.reflection < most
+
+
+def test_reflection_falls_with_overlap_stiffness_and_resolution():
+    p = Parameters()
+    shown = p.shown._replace(constraint="penalty", overlap=0.01)
+    narrow = passage(p, shown).reflection
+    assert passage(p, shown._replace(overlap=0.03)).reflection < 0.5 * narrow
+    assert passage(p, shown._replace(penalty=16.0)).reflection < 0.5 * narrow
+    assert passage(p, shown._replace(constraint="lagrange", element=0.005)).reflection > 0.03
+
+
+def test_a_run_keeps_its_energy_and_inverts_at_the_fixed_end(tmp_path):
+    summary = carry_out(Parameters(**SHORT), tmp_path, samples=150, progress=False)
+    results = {name: one["value"] for name, one in summary["results"].items()}
+    assert summary["stable"] and not summary["warnings"]
+    assert results["energy_variation"] < 1e-6  # exact but for the finite displacements
+    assert abs(results["energy_trend"]) < 1e-6
+    assert results["transit_time"] == pytest.approx(51.06e-6, rel=0.03)  # of the peak, which lags in a lattice
+    assert -1.0 < results["returned_height"] < -0.7
+    assert results["stretch"] < 1e-9
+    for name in ("history.csv", "profiles.csv", "map.csv", "profiles.png", "passage.png", "map.png", "summary.json"):
+        assert (tmp_path / name).stat().st_size > 0
+    with (tmp_path / "map.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 4 and {row["constraint"] for row in rows} == {"lagrange", "penalty"}
+    assert json.loads((tmp_path / "summary.json").read_text())["advice"] == summary["advice"]
+
+
+def test_advice_takes_the_narrowest_zone_and_then_the_largest_step():
+    p = Parameters(**SHORT, wanted=0.005)
+    found = [passage(p, setting) for setting in p.settings()]
+    (one,) = advise(p, found)
+    assert one.found is not None and one.found.setting.overlap == 0.01 and one.found.setting.constraint == "lagrange"
+    assert "elimination" in words(p, one)
+    (none,) = advise(Parameters(**SHORT, wanted=1e-6), found)
+    assert none.found is None and "smaller elements" in words(p, none)
+
+
+def test_substeps_are_told_when_they_take_energy(tmp_path, capsys):
+    carry_out(
+        Parameters(**SHORT, element=0.005, substeps=3), tmp_path, samples=50, map_too=False, figures=False, progress=False
+    )
+    assert "substeps=3 take" in capsys.readouterr().err
+
+
+def test_quadrilaterals_and_cosserat_cells(tmp_path):
+    p = Parameters(cell="quadrilateral", continuum="cosserat", profile="smooth")
+    assert passage(p, p.shown).reflection < 0.006
+
+
+@pytest.mark.parametrize(
+    "options, word",
+    [
+        (["--inner", "0.05"], "inner"), (["--length", "0.15"], "length"), (["--radius", "0.0011"], "radius"),
+        (["--overlaps", "a"], "overlaps"), (["--wavelengths", "0.001"], "wavelength"), (["--constraint", "glue"], "constraint"),
+        (["--overlap", "0.001"], "overlap"), (["--element", "1"], "element"), (["--samples", "0"], "samples"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_named_before_anything_is_computed(options, word, tmp_path):
+    ended = CliRunner().invoke(command, [*options, "--output", str(tmp_path / "none")])
+    assert isinstance(ended.exception, ValueError) and word in str(ended.exception)
+    assert not (tmp_path / "none").exists()
+
+
+def test_the_initial_pulse_is_that_of_the_paper():
+    p = Parameters()
+    np.testing.assert_allclose(p.pulse(np.array([0.0, 0.005, 0.01, 0.02]), 0.02), [2e-5, 1e-5, 0.0, 0.0], atol=1e-20)
+    assert p.wave_speed == pytest.approx(5875.0, rel=1e-4)
