@@ -18,7 +18,7 @@ from particles.network import Before, trial_forces
 Array = NDArray[np.float64]
 
 run_prescribed, run_slaved, run_tied = map(Direct, (substeps.run_prescribed, substeps.run_slaved, substeps.run_tied))
-run_subcycled, run_coarse = map(Direct, (subcycling.run_subcycled, subcycling.run_coarse))
+run_coarse = Direct(subcycling.run_coarse)
 
 TOUCHING = 1e-6  # gap, in sums of radii, up to which two discs count as touching
 RETIE = 0.1  # part of the tied ghosts' drift from the mesh that is taken back each coarse step; 1 makes the scheme grow
@@ -319,7 +319,8 @@ class FineScale(ParticleSide):
         self._prepare(steps)
         own, nodes = self.interface, self.nodes
         nodes.velocity[:], nodes.start[:], nodes.slope[:] = velocity[own], force[own], slope[own]
-        self.run_loop(run_subcycled, steps, (nodes, self._inner, self.mass_damping), ())
+        self._left[0] = 1
+        self.run_loop(run_coarse, steps, (nodes, self._inner, None, None, None, self.mass_damping, self._left), ())
         result[own] = np.hstack([nodes.moved, nodes.velocity - velocity[own], nodes.impulse, nodes.link])
         return result
 

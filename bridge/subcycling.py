@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 
 from bridge.blocks import row_times
-from bridge.substeps import carry_ghosts, forces, ghosts_feel, list_used_up, still_ghosts, take_link
-from particles.motion import drift, kick, kick_drift
+from bridge.substeps import carry_ghosts, ghosts_feel, linear_forces, still_ghosts, take_link
+from particles.motion import ONWARD, TO_END, drift, evaluate, kick_on, stale
 from particles.system import INNER, STEPS
 
 
@@ -107,39 +107,6 @@ def _kick_nodes(nodes, damping, h, last):
     nodes.lost[0] += h * damping * lost
 
 
-@njit(**STEPS)
-def run_subcycled(system, terms, linear, ghosts, nodes, stiffness, damping, h, steps, first):
-    """Fine steps of particles and interface nodes; the ghosts are where the nodes put them.
-
-    Args:
-        stiffness: Of the continuum among the interface nodes.
-        damping: c_m, 1/s.
-    """
-    if first < 0:
-        if ghosts_feel(system, ghosts):
-            take_link(system, ghosts, nodes.link)
-        else:
-            still_ghosts(system, ghosts)
-        _start_nodes(nodes, damping, h)
-        drift(system, terms, h)
-        carry_ghosts(system, ghosts, nodes, h)
-    for j in range(max(first, 0), steps):
-        if list_used_up(system, linear):
-            return j
-        forces(system, terms, linear, h)
-        take_link(system, ghosts, nodes.link)
-        last = j == steps - 1
-        _pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
-        _kick_nodes(nodes, damping, h, last)
-        if last:
-            kick(system, terms, h)
-            carry_ghosts(system, ghosts, nodes, 0.0)
-        else:
-            kick_drift(system, terms, h)
-            carry_ghosts(system, ghosts, nodes, h)
-    return steps
-
-
 @njit(**STEPS, fastmath={"contract"})
 def move_others(mesh, damping, step):
     """Take the nodes off the interface over a coarse step (s) under the force at its start, with mass damping (1/s)."""
@@ -184,29 +151,23 @@ def finish(mesh, internal, damping, step):
         _finish_row(mesh, row, internal[row], damping, step)
 
 
-@njit(**STEPS)
-def run_coarse(system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at, damping, left, h, steps, first):
-    """Coarse steps of a rank that holds everything, until none are `left` (1,); returns for a new list on the way.
+@njit(**INNER)
+def _start_coarse(mesh, nodes, stiffness, at, damping, step):
+    """Move the nodes off the interface; what the interface nodes are to feel in the coarse step."""
+    if mesh is not None:
+        move_others(mesh, damping, step)
+        for i in range(at.size):
+            change = row_times(stiffness, at[i], mesh.increment)
+            for component in range(3):
+                nodes.velocity[i, component] = mesh.velocity[at[i], component]
+                nodes.start[i, component] = mesh.force[at[i], component]
+                nodes.slope[i, component] = -change[component] / step
 
-    Args:
-        inner, stiffness: Of the continuum, among interface nodes and among all nodes.
-        at: (w,) interface nodes among all nodes.
-        damping: c_m, 1/s.
-        h, steps, first: Of the particles within a coarse step.
-    """
-    step = h * steps
-    while left[0] > 0:
-        if first < 0:
-            move_others(mesh, damping, step)
-            for i in range(at.size):
-                change = row_times(stiffness, at[i], mesh.increment)
-                for component in range(3):
-                    nodes.velocity[i, component] = mesh.velocity[at[i], component]
-                    nodes.start[i, component] = mesh.force[at[i], component]
-                    nodes.slope[i, component] = -change[component] / step
-        first = run_subcycled(system, terms, linear, ghosts, nodes, inner, damping, h, steps, first)
-        if first < steps:
-            return first
+
+@njit(**INNER)
+def _end_coarse(mesh, nodes, stiffness, at, damping, step):
+    """Take over what the interface nodes did; kick all nodes."""
+    if mesh is not None:
         for i in range(at.size):
             for component in range(3):
                 mesh.impulse[at[i], component] = nodes.impulse[i, component]
@@ -216,6 +177,47 @@ def run_coarse(system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at,
                 mesh.work[0] += mesh.external[at[i], component] * nodes.moved[i, component]
         for row in range(mesh.force.shape[0]):
             _finish_row(mesh, row, row_times(stiffness, row, mesh.displacement), damping, step)
+
+
+@njit(**STEPS)
+def run_coarse(system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at, damping, left, h, steps, first):
+    """Coarse steps until none are `left` (1,), each of `steps` fine ones of the particles and the interface nodes.
+
+    The ghosts are where the nodes put them. Returns on the way for a new list, with the number of fine steps done.
+
+    Args:
+        inner, stiffness: Of the continuum, among interface nodes and among all nodes.
+        mesh: All nodes of a rank that holds everything, or None (then `stiffness` and `at` as well): the caller sets and
+            reads `nodes`.
+        at: (w,) interface nodes among all nodes.
+        damping: c_m, 1/s.
+        h: Fine step, s.
+        first: -1, or the fine steps done before the list was built anew.
+    """
+    while left[0] > 0:
+        if first < 0:
+            _start_coarse(mesh, nodes, stiffness, at, damping, h * steps)
+            if ghosts_feel(system, ghosts):
+                take_link(system, ghosts, nodes.link)
+            else:
+                still_ghosts(system, ghosts)
+            _start_nodes(nodes, damping, h)
+            drift(system, terms, h)
+            carry_ghosts(system, ghosts, nodes, h)
+        for j in range(max(first, 0), steps):
+            if linear is None:
+                if stale(system):
+                    return j
+                evaluate(system, terms, h)
+            else:
+                linear_forces(system.position, system.force, linear)
+            take_link(system, ghosts, nodes.link)
+            last = j == steps - 1
+            _pull_nodes(nodes, inner, (j + 1) * h, 0.5 * h if last else h)
+            _kick_nodes(nodes, damping, h, last)
+            kick_on(system, terms, h, TO_END if last else ONWARD)
+            carry_ghosts(system, ghosts, nodes, 0.0 if last else h)
+        _end_coarse(mesh, nodes, stiffness, at, damping, h * steps)
         left[0] -= 1
         first = -1
     return steps

@@ -47,7 +47,7 @@ class Linear(NamedTuple):
 
 
 @njit(**INNER)
-def _linear_forces(position, force, linear):
+def linear_forces(position, force, linear):
     for row in range(position.shape[0]):
         for component in range(3):
             total = 0.0
@@ -63,7 +63,7 @@ def forces(system, terms, linear, h):
     if linear is None:
         evaluate(system, terms, h)
     else:
-        _linear_forces(system.position, system.force, linear)
+        linear_forces(system.position, system.force, linear)
 
 
 @njit(**MERGED)

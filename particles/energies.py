@@ -44,7 +44,7 @@ def kinetic(soil: Assembly) -> float:
 
 def stored(soil: Assembly) -> dict[str, float]:
     """Kinetic and elastic energies, J (elastic: histories and overlaps of pairs and walls; walls: the free ones)."""
-    elastic = stored_in(soil, contacts(soil, with_walls=True))
+    elastic = stored_in(soil, contacts(soil, with_walls=True, with_forces=False))
     walls = soil._system.walls
     return {
         "kinetic": kinetic(soil), **{f"elastic_{name}": energy for name, energy in elastic.items()},

@@ -55,6 +55,7 @@ from particles.walls.history import record_walls
 from particles.walls.motion import end_walls, move_walls, walls_travel
 
 FINISHED, STALE, UNSTABLE = 0, 1, 2
+TO_END, ONWARD = np.int64(0), np.int64(1)  # kick to the end of the step, or on to the middle of the next, and drift (`move`)
 CHECK_INTERVAL = 32  # steps between two looks for blow-up
 BLOCK = 256  # rows whose motion is advanced at a time, so that they stay in the fastest cache
 LEVEL = {**INLINE, "fastmath": STEADY}
@@ -150,7 +151,7 @@ def _mass_loss(velocity, flow, acceleration, lightness, half, move):
     for e in range(velocity.size):
         speed = _speed(velocity, flow, lightness, e)
         level = speed + half * acceleration[e]
-        total += level * (level if move == 1 else speed) * _mass(lightness, e)
+        total += level * (level if move == ONWARD else speed) * _mass(lightness, e)
     return total
 
 
@@ -269,7 +270,7 @@ def _kick_rows(
     if mass_damping is not None or local_damping is not None or vector is not None:
         sums[CELL] += onward * _carrying_power(flow, acceleration, force, lightness)
     _add(velocity, onward, acceleration)
-    if move == 1:
+    if move == ONWARD:
         _add(place, step, velocity)
 
 
@@ -314,18 +315,6 @@ def _kick_block(system, spin, terms, step, move, a, b):
             system.sums, terms.mass_damping, terms.local_damping, terms.spin_damping, terms.spin_damping, None, step, move,
         )  # fmt: skip
     return _fastest(system.velocity[a:b], in_plane(system.spin))
-
-
-@njit(**MERGED)
-def _kick(system, terms, step, move):
-    fastest = 0.0
-    count = system.position.shape[0]
-    _set_flow(system.flow, system.position, system.cell, system.spin)
-    for a in range(0, count, BLOCK):
-        fastest = max(fastest, _kick_block(system, system.spin, terms, step, move, a, min(a + BLOCK, count)))
-    if move == 1:
-        _load_work(system.sums, system.velocity, system.spin, system.lightness, terms.gravity, system.external, step)
-    return fastest
 
 
 @njit(**INNER)
@@ -378,9 +367,31 @@ def drift(system, terms, step):
 
 
 @njit(**MERGED)
+def _end_kick(system, terms, fastest, step, move):
+    """After all rows: works, walls, clock."""
+    if move == ONWARD:
+        _load_work(system.sums, system.velocity, system.spin, system.lightness, terms.gravity, system.external, step)
+        _arrive(system, fastest, step, step)
+    else:
+        _book_held(system, 0.5 * step)
+        end_walls(system.walls, 0.5 * step)
+
+
+@njit(**MERGED)
+def kick_on(system, terms, step, move):
+    """`kick` (`move` = TO_END) or `kick_drift` (ONWARD)."""
+    fastest = 0.0
+    count = system.position.shape[0]
+    _set_flow(system.flow, system.position, system.cell, system.spin)
+    for a in range(0, count, BLOCK):
+        fastest = max(fastest, _kick_block(system, system.spin, terms, step, move, a, min(a + BLOCK, count)))
+    _end_kick(system, terms, fastest, step, move)
+
+
+@njit(**MERGED)
 def kick_drift(system, terms, step):
     """After `evaluate`: accelerations, velocities on to the middle of the next step, positions and walls to its end."""
-    _arrive(system, _kick(system, terms, step, 1), step, step)
+    kick_on(system, terms, step, ONWARD)
 
 
 @njit(**MERGED)
@@ -396,9 +407,7 @@ def _arrive(system, fastest, step, weight):
 @njit(**MERGED_STEPS)
 def kick(system, terms, step):
     """After the last `evaluate`: accelerations, velocities to the end of the step. With step = 0: accelerations only."""
-    _kick(system, terms, step, 0)
-    _book_held(system, 0.5 * step)
-    end_walls(system.walls, 0.5 * step)
+    kick_on(system, terms, step, TO_END)
 
 
 @njit(**INNER)
@@ -479,12 +488,7 @@ def _evaluate_and_kick(system, terms, step, move):
             fastest = max(fastest, _kick_block(system, system.spin, terms, step, move, done, to))
             done = to
     _after_pairs(system, powers, step)
-    if move == 1:
-        _load_work(system.sums, system.velocity, system.spin, system.lightness, terms.gravity, system.external, step)
-        _arrive(system, fastest, step, step)
-    else:
-        _book_held(system, 0.5 * step)
-        end_walls(system.walls, 0.5 * step)
+    _end_kick(system, terms, fastest, step, move)
 
 
 @njit(**MERGED)
@@ -558,7 +562,7 @@ def advance(system, terms, steps, step, resume):
         if stale(system):
             return done, STALE
         done += 1
-        _evaluate_and_kick(system, terms, step, 0 if done == steps else 1)
+        _evaluate_and_kick(system, terms, step, TO_END if done == steps else ONWARD)
         if (done == steps or done % CHECK_INTERVAL == 0) and runaway(system, step) >= 0:
             return done, UNSTABLE
         if done == steps:

@@ -215,11 +215,11 @@ def _partners(grid, at, still, skin, capacity, box):
     for layer in range(grid.number[2]):
         for line in range(grid.number[1]):
             for column in range(wide):
-                first, last = grid.start[cell], grid.start[cell + 1]
+                first, last = int(grid.start[cell]), int(grid.start[cell + 1])
                 cell += 1
                 if first == last:
                     continue
-                own = grid.start[cell + 1] if column < wide - 1 else last
+                own = int(grid.start[cell + 1]) if column < wide - 1 else last
                 forward = _forward(grid, box, column, line, layer, runs, shifts)
                 most = own - first
                 for r in range(forward):

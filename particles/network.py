@@ -194,8 +194,10 @@ def pairs(soil: Assembly, contact_range: float) -> tuple[np.ndarray, np.ndarray,
     return first[near], second[near], history[:, :count][:, near]
 
 
-def contacts(soil: Assembly, with_walls: bool = False, contact_range: float = 0.0) -> Contacts:
-    """Contacts of particles, and with walls on request; forces are zero where there is a gap and no bond."""
+def contacts(
+    soil: Assembly, with_walls: bool = False, contact_range: float = 0.0, with_forces: bool = True
+) -> Contacts:
+    """Contacts of particles, and with walls on request; forces are zero where there is a gap and no bond, or not asked for."""
     if not (np.isfinite(contact_range) and contact_range >= 0.0):
         raise ValueError(f"contact_range={contact_range} must be zero or positive (share of the radii)")
     system, axes = soil._system, soil.axes
@@ -208,10 +210,10 @@ def contacts(soil: Assembly, with_walls: bool = False, contact_range: float = 0.
     kinds = (i * 0, j * 0) if system.material is None else (system.material[i], system.material[j])
     found = _assemble(
         soil, soil._ids[i], soil._ids[j], np.full(i.size, -1), branch / distance[:, None], overlap, first_arm,
-        distance - first_arm, history, soil._laws.of_pair[kinds], np.zeros((i.size, axes)),
+        distance - first_arm, history, soil._laws.of_pair[kinds], np.zeros((i.size, axes)), with_forces,
     )  # fmt: skip
     if with_walls and system.walls is not None:
-        touching = _wall_contacts(soil, contact_range)
+        touching = _wall_contacts(soil, contact_range, with_forces)
         history_of = {name: np.concatenate([found.history[name], touching.history[name]]) for name in found.history}
         both: Any = (
             history_of if isinstance(a, dict) else np.concatenate([a, b]) for a, b in zip(found, touching, strict=True)
@@ -220,7 +222,7 @@ def contacts(soil: Assembly, with_walls: bool = False, contact_range: float = 0.
     return found
 
 
-def _wall_contacts(soil: Assembly, contact_range: float) -> Contacts:
+def _wall_contacts(soil: Assembly, contact_range: float, with_forces: bool) -> Contacts:
     system, axes = soil._system, soil.axes
     listed = system.walls
     size = listed.row.size
@@ -233,18 +235,20 @@ def _wall_contacts(soil: Assembly, contact_range: float) -> Contacts:
     return _assemble(
         soil, soil._ids[row], np.full(row.size, -1), wall.astype(np.int64), normal, radius[near] - distance, distance,
         np.zeros(row.size), listed.history[:-1, near], soil._plate_laws[wall, material],
-        np.zeros((row.size, axes)) if soil.cell is None else listed.image[near, :axes] @ soil.cell.matrix.T,
+        np.zeros((row.size, axes)) if soil.cell is None else listed.image[near, :axes] @ soil.cell.matrix.T, with_forces,
     )  # fmt: skip
 
 
-def _assemble(soil, first, second, plate, normal, overlap, first_arm, second_arm, history, law, image) -> Contacts:
+def _assemble(
+    soil, first, second, plate, normal, overlap, first_arm, second_arm, history, law, image, with_forces
+) -> Contacts:
     axes, count = soil.axes, first.size
     push, tangential, couple = np.zeros(count), np.zeros((count, 2 * axes - 3)), np.zeros((count, 2 * axes - 3))
     found = Contacts(
         first, second, plate, normal, overlap, first_arm, second_arm, push, normal, push, soil._laws.by_channel(history), law,
         image,
     )
-    if count:
+    if count and with_forces:
         _rests[axes](
             soil._laws.template, soil._numbers[law], soil._laws.blank, np.ascontiguousarray(normal), overlap,
             first_arm + second_arm, radii_of(soil, found), rolling_radius(found), np.ascontiguousarray(history), push,

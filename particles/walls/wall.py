@@ -114,7 +114,7 @@ class Wall:
             raise ValueError(f"{what}={value!r} of {self.name} must be {count} ({unit})")
         return array
 
-    def _moment_part(self, place: int) -> slice:
+    def _moment_part(self, place: int | np.integer) -> slice:
         """Rotational components after the three translations from `place` on: one in the plane, three in space."""
         return slice(place + 5, place + 6) if self.axes == 2 else slice(place + 3, place + 6)
 
