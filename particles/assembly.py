@@ -22,6 +22,7 @@ from particles.system import (
     SMALLEST_RADIUS,
     SUMS,
     TIME,
+    TRAVEL,
     TRAVEL_LIMIT,
     Held,
     System,
@@ -559,7 +560,8 @@ class Assembly:
             self._loads = loads, self.terms(**loads)
         terms = self._loads[1]
         self._step = step
-        if _stale(self._system):
+        clock = self._system.clock
+        if not clock[TRAVEL] <= clock[TRAVEL_LIMIT] and _stale(self._system):
             listing.rebuild(self)
         set_contact_constants(self)
         loaded = [wall.has_new_load() for wall in self.plates]  # of all, each is asked once
