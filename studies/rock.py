@@ -49,7 +49,7 @@ class Parameters:
         limits=(1e-3, 0.99),
     )  # fmt: skip
     inner: float = parameter(0.6, "Size of the inner volume of averages, as a share of the specimen.", "-", POSITIVE, limits=(0.02, 1.0))
-    step_ratio: float = parameter(0.8, "Time step as a share of the critical step of the bonded specimen.", "-", SHARE)
+    step_ratio: float = parameter(0.8, "Time step as a share of the critical step of the bonded, damped specimen.", "-", SHARE)
 
     study: ClassVar[str] = ""
     title: ClassVar[str] = ""

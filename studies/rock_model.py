@@ -47,6 +47,12 @@ class Specimen:
         self.parameters, self.seed = p, seed
         self.soil = soil = specimen(p, seed)
         self.bonds = soil.bonds
+        half = 0.5 * p.inner * np.array(p.size)
+        self.box = -half, half
+        self.inside = np.flatnonzero((np.abs(soil.reference) < half).all(axis=1))
+        if len(self.inside) < 10:
+            raise ValueError(f"inner={p.inner:g} must be larger: only {len(self.inside)} discs lie in the inner volume")
+        self.affine = measures.moduli(soil, math.prod(2.0 * half), self.inside)[0]  # (2, 2, 2, 2) of the inner volume, Pa
         height = p.size[1]
         law = Bonded(p.normal_stiffness, p.shear_stiffness, p.tensile_strength, p.shear_strength, friction=p.plate_friction)
         self.plates = tuple(
@@ -54,13 +60,10 @@ class Specimen:
             for side, name in ((1.0, "top plate"), (-1.0, "bottom plate"))
         )
         soil.add_wall(*self.plates)
-        self.step = p.step_ratio * soil.critical_step(sharp=True, contact_range=p.bond_reach)
+        # damping that opposes the motion adds up to its share to the forces that turn a vibration round
+        self.critical = soil.critical_step(sharp=True, contact_range=p.bond_reach) / math.sqrt(1.0 + p.damping)
+        self.step = p.step_ratio * self.critical
         self.steps = math.ceil(0.5 * p.strain * height / (p.speed * self.step))
-        half = 0.5 * p.inner * np.array(p.size)
-        self.box = -half, half
-        self.inside = np.flatnonzero((np.abs(soil.reference) < half).all(axis=1))
-        if len(self.inside) < 10:
-            raise ValueError(f"inner={p.inner:g} must be larger: only {len(self.inside)} discs lie in the inner volume")
         self._places = np.column_stack([np.ones(len(self.inside)), soil.reference[self.inside]])
         self._peak = 0.0
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from bridge.run import Outcome
+from studies.lab_model import elastic_constants
 from studies.rock import Compression
 from studies.rock_model import Specimen
 
@@ -53,14 +54,25 @@ def slope(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def compression(model: Specimen, outcome: Outcome, elastic: np.ndarray, peak: int) -> Results:
-    """Moduli and strength of unconfined compression; mean square of the cracks' normals across the load (isotropic: 1/2)."""
+    """Moduli, strength and cracks of unconfined compression.
+
+    Moduli are those of the plane; "plane_strain" are those of a solid that has them in plane strain, "affine" those of discs
+    that follow a homogeneous strain without rotation of their own, a bound. "axial_cracks" is the mean square of the cracks'
+    normals across the load: 1/2 where they have no direction, 1 where all are parallel to the load.
+    """
     stress, averaged = outcome.column("plate_stress_Pa"), outcome.column("averaged_stress_axial_Pa")
     axial, lateral = outcome.column("inner_strain_axial")[elastic], outcome.column("inner_strain_lateral")[elastic]
     cracks = model.cracks()
     across = cracks.normals[:, 0] ** 2
     early = across[cracks.time <= outcome.column("time_s")[peak]]
+    young, poisson = slope(axial, stress[elastic]), -slope(axial, lateral)
+    d = model.affine
+    bound = elastic_constants(0.5 * (d[0, 0, 0, 0] + d[1, 1, 1, 1]), 0.5 * (d[0, 0, 1, 1] + d[1, 1, 0, 0]), 2)
+    in_solid = poisson / (1.0 + poisson)
     return {
-        "young_modulus": (slope(axial, stress[elastic]), "Pa"), "poisson_ratio": (-slope(axial, lateral), "1"),
+        "young_modulus": (young, "Pa"), "poisson_ratio": (poisson, "1"),
+        "young_modulus_plane_strain": (young * (1.0 - in_solid**2), "Pa"), "poisson_ratio_plane_strain": (in_solid, "1"),
+        "young_modulus_affine": (bound[0], "Pa"), "poisson_ratio_affine": (bound[1], "1"),
         "compressive_strength": (stress[peak], "Pa"),
         "young_modulus_averaged": (slope(axial, averaged[elastic]), "Pa"),
         "young_modulus_plates": (slope(outcome.column("strain")[elastic], stress[elastic]), "Pa"),

@@ -225,7 +225,7 @@ def summarise(p: Parameters, done: list[Tested], watch: Stopwatch, heard: list[s
         "threads": 1,
         "counts": {"packings": len(done), "particles": sum(count), "bonds": sum(len(one.model.bonds) for one in done),
                    "fine_steps": sum(steps)},
-        "steps": {"fine": [one.model.step for one in done], "fine_critical": [one.model.step / p.step_ratio for one in done]},
+        "steps": {"fine": [one.model.step for one in done], "fine_critical": [one.model.critical for one in done]},
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())},
         "particle_steps_per_second": float(np.dot(count, steps)) / stepping if stepping > 0.0 else 0.0,
         "results": found, "energy": energy | {"balance_error": max(one.balance_error for one in done)},
