@@ -57,9 +57,9 @@ def curves(done: list[Tested], path: Path) -> None:
 
 
 def specimen(one: Tested, path: Path) -> None:
-    """One packing: averaged stress near the peak, cracks by the strain at which they came, the broken specimen."""
+    """One packing: averaged stress near the peak, cracks, displacement of the broken specimen."""
     p = one.model.parameters
-    drawn, axes = drawing.figure(1, 3, (4.8, 4.4))
+    drawn, axes = drawing.figure(1, 3, (4.8, 4.7))
     radii = one.model.soil.radii
     highest = max(one.states, key=lambda state: state.load)
     part, word = ((0, "lateral") if p.study == "brazilian" else (1, "axial"))
@@ -69,9 +69,8 @@ def specimen(one: Tested, path: Path) -> None:
     bar = _discs(axes[0, 0], highest.positions, radii, stress, scale, "RdBu_r" if p.study == "brazilian" else "viridis")
     drawn.colorbar(bar, ax=axes[0, 0], shrink=0.7, label="MPa")
     _place(axes[0, 0], p, title)
-    bar = _cracks(axes[0, 1], one)
-    drawn.colorbar(bar, ax=axes[0, 1], shrink=0.7, label="approach of the plates / height, %")
-    _place(axes[0, 1], p, f"{len(one.model.cracks().time)} cracks, by the strain at which they came")
+    later = _cracks(axes[0, 1], one)
+    _place(axes[0, 1], p, f"cracks: {len(one.model.cracks().time) - later} up to the peak (blue),\n{later} after it (orange)")
     last = one.states[-1]
     aside = 1e3 * last.displacement[:, 0]
     bar = _discs(axes[0, 2], last.positions, radii, aside, _symmetric(aside), "coolwarm")
@@ -109,13 +108,15 @@ def _discs(ax: Any, places: np.ndarray, radii: np.ndarray, values: np.ndarray, s
     return ax.add_collection(drawn)
 
 
-def _cracks(ax: Any, one: Tested) -> Any:
-    """Cracks in colour over pale discs; returns what a colour bar needs."""
-    soil, p = one.model.soil, one.model.parameters
+def _cracks(ax: Any, one: Tested) -> int:
+    """Cracks over pale discs, blue up to the peak load, orange after it; returns the number of the latter."""
+    soil = one.model.soil
     _discs(ax, soil.reference, soil.radii, np.zeros(soil.count), (-0.5, 5.0), "Greys")
-    strain = 100.0 * 2.0 * p.speed / p.size[1] * one.model.cracks().time
-    drawn = LineCollection(list(crack_lines(one.model)), array=strain, cmap=matplotlib.colormaps["plasma"], linewidths=1.3)
-    return ax.add_collection(drawn)
+    peak = one.outcome.history[int(np.argmax(one.outcome.column("plate_stress_Pa")))]["time_s"]
+    lines, later = crack_lines(one.model), one.model.cracks().time > peak
+    for part, colour in ((later, "#f08a24"), (~later, "#1f2f8f")):
+        ax.add_collection(LineCollection(list(lines[part]), colors=colour, linewidths=1.3))
+    return int(later.sum())
 
 
 def _place(ax: Any, p: Parameters, title: str) -> None:

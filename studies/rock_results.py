@@ -37,7 +37,7 @@ def results(model: Specimen, outcome: Outcome) -> Results:
     return of_test(model, outcome, elastic, peak) | found | {
         "porosity": (model.porosity, "1"), "bonds_per_disc": (2.0 * len(model.bonds) / model.soil.count, "1"),
         "mean_square_radius_root": (model.radius, "m"),
-        "plate_force_difference": (apart[elastic].max(initial=0.0) / load[peak], "1"),
+        "plate_force_difference": (apart[elastic].mean() / load[peak] if elastic.size else math.nan, "1"),
         "kinetic_share": (outcome.column("kinetic_J")[half] / outcome.column("elastic_J")[half], "1"),
     }  # fmt: skip
 
