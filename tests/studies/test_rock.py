@@ -146,7 +146,8 @@ def test_cracks_are_the_bonds_that_no_longer_hold(name, request):
     one = request.getfixturevalue(name)
     cracks = one.model.cracks()
     assert len(cracks.time) == len(one.model.bonds) - len(one.model.soil.bonds)
-    assert (np.diff(cracks.time) >= 0.0).all() and (cracks.energies >= 0.0).all()
+    assert (np.diff(cracks.time) >= 0.0).all()
+    assert cracks.energies.min() >= -1e-9 * cracks.energies.max()  # to rounding where only friction is lost
     assert cracks.energies.sum() == pytest.approx(one.model.soil.energies()["breaking"], rel=1e-9)
     assert one.balance_error < 0.02
     assert one.outcome.column("cracks")[-1] == len(cracks.time)
