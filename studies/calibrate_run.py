@@ -69,6 +69,10 @@ class Laboratory:
                 values += [one.results[name][0] for name in NAMES if name in kind.published]
                 if kind is Compression:
                     radii.append(one.model.radius)
+            if not all(math.isfinite(value) for value in values) or min(values[0], *values[2:]) <= 0.0:
+                raise ValueError(
+                    f"speed={self.specimen.speed:g} must be lower, or the specimen larger: packing {seed} gave no moduli or strength"
+                )
             self.record({"phase": phase, "packing": seed, **micro._asdict(), **dict(zip(NAMES, values))})
             rows.append([math.log(values[0]), values[1], *map(math.log, values[2:])])
         return np.array(rows), np.array(radii)

@@ -179,6 +179,8 @@ def test_what_a_run_has_against_itself_is_said():
     words = " ".join(rock_run.doubts(_run(p, samples=50)))
     assert "has a porosity of 0.1" in words and "instead of 0.13" in words
     assert "is not broken at strain=0.002" in words
+    words = " ".join(rock_run.doubts(_run(dataclasses.replace(RECTANGLE, speed=50.0), samples=50)))
+    assert "is not quasi-static" in words and "lower speed than 50 m/s" in words
 
 
 @pytest.mark.parametrize(
