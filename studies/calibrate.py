@@ -93,6 +93,6 @@ def rock_test(kind: type[Parameters], micro: Micro, specimen: Compression, targe
     elastic = target.compressive_strength / target.young_modulus
     return kind(
         **given, strain=min(WIDEST_STRAIN * elastic, 0.2), normal_stiffness=micro.normal_stiffness,
-        shear_stiffness=micro.stiffness_ratio * micro.normal_stiffness, tensile_strength=micro.tensile_strength,
-        shear_strength=micro.strength_ratio * micro.tensile_strength,
+        shear_stiffness=micro.stiffness_ratio * micro.normal_stiffness, tensile_strength=micro.bond_strength,
+        shear_strength=micro.strength_ratio * micro.bond_strength,
     )  # fmt: skip

@@ -28,7 +28,7 @@ def draw(relations: Relations, result: Calibrated, checked: np.ndarray, path: Pa
             ax.semilogx(line, curve[:, k], color=colour, lw=1.2, label=f"R$_t$ / R$_n$ = {strength:g}")
             points = np.repeat(np.array(relations.stiffness_ratios)[:, None], runs.shape[1], axis=1)
             ax.semilogx(points, runs[..., k], ".", color=colour, ms=4)
-    shift = np.array([math.log(result.micro.normal_stiffness), 0.0] + 2 * [math.log(result.micro.tensile_strength / relations.radius)])
+    shift = np.array([math.log(result.micro.normal_stiffness), 0.0] + 2 * [math.log(result.micro.bond_strength / relations.radius)])
     for k, ax in enumerate(axes[0]):
         for y, mark, label in ((result.measured, "D", "result"), (checked, "s", "check, other packings")):
             values = _plain(y - shift[:panels])[:, k]

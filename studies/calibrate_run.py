@@ -25,7 +25,7 @@ from studies.rock_run import tested
 FILES = ("summary.json", "runs.csv", "relations.csv", "relations.png")
 NAMES = ("young_modulus", "poisson_ratio", "compressive_strength", "tensile_strength")
 UNITS = ("Pa", "1", "Pa", "Pa")
-PUBLISHED = {"normal_stiffness": 1.61129e10, "stiffness_ratio": 0.2, "bond_tensile_strength": 0.29e5, "strength_ratio": 1.0}
+PUBLISHED = {"normal_stiffness": 1.61129e10, "stiffness_ratio": 0.2, "bond_strength": 0.29e5, "strength_ratio": 1.0}
 DOUBTFUL = 0.01  # probability of a scatter as large as that between calibration and check, below which a result is doubted
 CONVERGED = 0.02  # of a target, within which the refinement has reached it
 
@@ -90,7 +90,7 @@ def tabulated(laboratory: Laboratory, seeds: range) -> Relations:
             micro = Micro(target.young_modulus, ratio, target.compressive_strength * scale, strength)
             y, found = laboratory.measure(micro, seeds, 0)
             y[:, 0] -= math.log(micro.normal_stiffness)
-            y[:, 2:] += np.log(found / micro.tensile_strength)[:, None]
+            y[:, 2:] += np.log(found / micro.bond_strength)[:, None]
             values[-1].append(y)
     return Relations(target.stiffness_grid, target.strength_grid, np.array(values), float(found.mean()))
 

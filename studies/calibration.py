@@ -31,7 +31,7 @@ class Micro(NamedTuple):
 
     normal_stiffness: float  # N/m
     stiffness_ratio: float  # k_t / k_n
-    tensile_strength: float  # of a bond, N
+    bond_strength: float  # R_n, N
     strength_ratio: float  # R_t / R_n
 
 
