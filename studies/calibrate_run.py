@@ -7,6 +7,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from bridge import output
 from bridge.run import Stopwatch
 from particles import Unstable
 from studies.calibrate import MICRO, Targets, rock_test
-from studies.calibration import Calibrated, Measure, Micro, Relations, refine
+from studies.calibration import Calibrated, Micro, Relations, refine
 from studies.rock import Compression
 from studies.rock_results import spread
 from studies.rock_run import tested
@@ -111,8 +112,11 @@ def carry_out(
     laboratory = Laboratory(target, specimen, rows.write, watch, progress=progress)
     seeds = range(specimen.seed, specimen.seed + target.packings)
     fresh = range(seeds.stop, seeds.stop + target.check_packings)
-    phase = iter(range(1, 1000))
-    measure: Measure = lambda micro: laboratory.measure(micro, seeds, next(phase))[0]  # noqa: E731
+    phase = count(1)
+
+    def measure(micro: Micro) -> np.ndarray:
+        return laboratory.measure(micro, seeds, next(phase))[0]
+
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         relations = tabulated(laboratory, seeds)

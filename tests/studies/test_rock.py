@@ -9,7 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from studies import rock_run
+from studies.calibrate import Targets
 from studies.calibrate_command import command as calibrate
+from studies.options import shown_default
 from studies.rock import Brazilian, Compression
 from studies.rock_command import brazilian, ucs
 from studies.rock_model import Specimen
@@ -202,6 +204,14 @@ def test_what_a_run_has_against_itself_is_said():
 def test_bad_parameters_are_named(command, arguments, words):
     answer = CliRunner().invoke(command, arguments)
     assert isinstance(answer.exception, ValueError) and words in str(answer.exception)
+
+
+@pytest.mark.parametrize(("command", "kind"), [(ucs, Compression), (brazilian, Brazilian), (calibrate, Targets)])
+def test_help_names_every_parameter_with_its_default(command, kind):
+    text = " ".join(CliRunner().invoke(command, ["--help"]).output.split())
+    for field in dataclasses.fields(kind):
+        assert f"--{field.name.replace('_', '-')} " in text
+        assert f"[default: {shown_default(field)}]" in text, field.name
 
 
 def test_an_inner_volume_with_too_few_discs_is_refused():
