@@ -21,6 +21,7 @@ from scipy.optimize import approx_fprime, least_squares
 
 SHIFT = 1e-6  # of an unknown for derivatives of the interpolated relations
 SMALLEST_CHANGE = 2e-3  # of the unknowns (logarithms), below which the refinement ends
+SCATTER = np.array([0.01, 0.005, 0.06, 0.06])  # of responses from packing to packing, about: weights of their misfits
 MISSED = 0.05  # of a response, beyond which a target counts as out of reach: strengths scatter by as much
 
 Measure = Callable[["Micro"], np.ndarray]  # responses y (packings, 3 or 4) of runs
@@ -106,8 +107,11 @@ class Relations:
         start = np.array([target[0], middle, target[2] + math.log(self.radius), 0.0])[: len(target)]
         if len(start) > 3:
             start[3] = 0.5 * (bounds[0][3] + bounds[1][3])
-        found = least_squares(lambda x: self.responses(x) - target, start, bounds=bounds, xtol=1e-12, ftol=1e-12, gtol=1e-12)
-        if np.abs(found.fun).max() > MISSED:
+        weight = 1.0 / SCATTER[: len(target)]
+        found = least_squares(
+            lambda x: weight * (self.responses(x) - target), start, bounds=bounds, xtol=1e-12, ftol=1e-12, gtol=1e-12
+        )
+        if np.abs(found.fun / weight).max() > MISSED:
             reached = math.exp(self.responses(found.x)[-1]) * 1e-6
             raise ValueError(
                 f"tensile_strength={math.exp(target[-1]):g} cannot be reached beside that compressive strength: strength ratios from "
@@ -130,25 +134,29 @@ class Calibrated(NamedTuple):
 def refine(relations: Relations, target: np.ndarray, start: np.ndarray, measure: Measure, rounds: int) -> Calibrated:
     """Correct unknowns until runs have the target responses on the average over packings.
 
-    Least squares with the derivatives of the relations, so that a round of runs is one evaluation.
+    Least squares with the derivatives of the relations, so that a round of runs is one evaluation; misfits count by the scatter
+    that such responses have, so that moduli are met and strengths that exclude each other share what is left.
 
     Args:
         start: unknowns, from `Relations.inverse`.
         measure: the runs.
         rounds: most evaluations.
     """
-    seen: list[tuple[np.ndarray, np.ndarray]] = []
+    seen: list[tuple[float, np.ndarray, np.ndarray]] = []
+    weight = 1.0 / SCATTER[: len(target)]
 
     def misfit(x: np.ndarray) -> np.ndarray:
-        seen.append((x.copy(), measure(relations.micro(x))))
-        return seen[-1][1].mean(axis=0) - target
+        measured = measure(relations.micro(x))
+        off = weight * (measured.mean(axis=0) - target)
+        seen.append((float(off @ off), x.copy(), measured))
+        return off
 
     low, high = relations.bounds()
     least_squares(
-        misfit, np.clip(start, low + SHIFT, high - SHIFT), jac=relations.jacobian, bounds=(low, high), max_nfev=rounds,
-        xtol=SMALLEST_CHANGE, ftol=1e-4, gtol=1e-5, method="trf",
+        misfit, np.clip(start, low + SHIFT, high - SHIFT), jac=lambda x: weight[:, None] * relations.jacobian(x), bounds=(low, high),
+        max_nfev=rounds, xtol=SMALLEST_CHANGE, ftol=1e-4, gtol=1e-3, method="trf",
     )  # fmt: skip
-    x, measured = min(seen, key=lambda one: float(((one[1].mean(axis=0) - target) ** 2).sum()))
+    _, x, measured = min(seen, key=lambda one: one[0])
     return Calibrated(relations.micro(x), x, measured, standard_errors(relations.jacobian(x), measured), len(seen))
 
 
