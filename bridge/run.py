@@ -97,6 +97,7 @@ def run(
     frames: Sequence[int] = (),
     on_sample: Callable[[dict[str, float]], None] | None = None,
     on_frame: Callable[[], None] | None = None,
+    until: Callable[[dict[str, float]], bool] | None = None,
     stopwatch: Stopwatch | None = None,
     label: str = "",
     progress: bool = True,
@@ -110,6 +111,7 @@ def run(
         frames: Steps after which `on_frame` is called.
         on_sample: Called with each new row (on every rank).
         on_frame: Called at each frame (on every rank).
+        until: Asked with each new row (on every rank): true ends the run there.
         stopwatch: Takes the seconds of the phases `stepping` and `output`.
         label: Text before the progress bar.
         progress: A bar with the time left, where standard error is a terminal; rank 0 only.
@@ -139,6 +141,8 @@ def run(
                         on_sample(outcome.history[-1])
                 if stop in framed and on_frame is not None:
                     on_frame()
+            if stop in sampled and until is not None and until(outcome.history[-1]):
+                break
     except (particles.Unstable, continuum.Unstable) as unstable:
         outcome.stable, outcome.message = False, str(unstable)
     finally:

@@ -43,8 +43,9 @@ def _ends(soil: Assembly) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
 
 def _moments(soil: Assembly, particle: np.ndarray, arm: np.ndarray, action: np.ndarray) -> np.ndarray:
     """Sum of arm (x) action over the contacts of each particle, over its volume (n, d, components)."""
-    total = np.zeros((soil.count, soil.axes, action.shape[1]))
-    np.add.at(total, particle, arm[:, :, None] * action[:, None, :])
+    terms = (arm[:, :, None] * action[:, None, :]).reshape(len(particle), -1)
+    total = np.column_stack([np.bincount(particle, term, soil.count) for term in terms.T])
+    total = total.reshape(soil.count, soil.axes, action.shape[1])
     return total / volumes(soil.radii, soil.axes)[:, None, None]
 
 

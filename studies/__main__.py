@@ -16,6 +16,9 @@ STUDIES = {
     "shear": ("studies.lab_command:shear", "simple shear of discs in a periodic cell at constant normal stress"),
     "column": ("studies.column_command", "collapse of columns of discs: runout against aspect ratio"),
     "interface": ("studies.interface_command", "a pulse through the overlap of particles and continuum: reflection"),
+    "ucs": ("studies.rock_command:ucs", "unconfined compression of bonded rock over several random packings"),
+    "brazilian": ("studies.rock_command:brazilian", "Brazilian test of bonded rock over several random packings"),
+    "calibrate": ("studies.calibrate_command", "micro parameters of bonded rock from its moduli and strengths"),
     "accuracy": ("studies.accuracy", "speed against error of a study over a list of settings"),
 }
 USAGE_ERROR = 2

@@ -39,6 +39,13 @@ class Counter:
         return {}
 
 
+def test_a_run_ends_where_a_row_says_so():
+    model, asked = Counter(), []
+    outcome = run(model, 1000, samples=10, until=lambda row: asked.append(row["time_s"]) or row["load_N"] >= 600.0)
+    assert outcome.stable and outcome.steps == model.done == 300
+    assert asked == outcome.column("time_s").tolist() == [0.0, 50.0, 100.0, 150.0]
+
+
 def test_samples_are_even_and_frames_are_where_they_are_wanted():
     model, seen = Counter(), []
     outcome = run(model, 1000, samples=10, frames=[0, 333, 1000], on_frame=lambda: seen.append(model.done))

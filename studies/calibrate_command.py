@@ -1,0 +1,65 @@
+"""The command `calibrate`: micro parameters of bonded rock that give wanted moduli and strengths."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from studies.calibrate import NOT_OPTIONS, TITLE, Targets
+from studies.foundation_command import unstable
+from studies.options import click_options, one_rank
+from studies.rock import Compression
+
+HELP = f"""{TITLE}.
+
+Runs of `ucs` (and of `brazilian`, where a tensile strength is wanted) over a grid of k_t / k_n and R_t / R_n give the
+dimensionless relations of Rojek & Onate (2007, eqs 57-59). They are inverted for the target, the result is corrected by
+further runs on the same packings, and checked on others.
+"""
+
+
+@click.command("calibrate", help=HELP, context_settings={"max_content_width": 118})
+@click_options(Targets)
+@click_options(Compression, without=NOT_OPTIONS)
+@click.option("--output", default="out/calibrate", metavar="FOLDER", help="Folder for the results.  [default: out/calibrate]")
+@click.option("--no-figures", is_flag=True, help="Draw no figures.")
+@click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+def command(output: str, no_figures: bool, quiet: bool, **values: Any) -> int:
+    """Check everything, then run; returns the exit status."""
+    target = Targets(**{name: values.pop(name) for name in Targets.__dataclass_fields__})
+    specimen = Compression(**values)
+    one_rank("calibrate")
+
+    from bridge.output import check_folder
+
+    folder = check_folder(output)
+
+    from particles import Unstable
+    from studies.calibrate_run import carry_out
+
+    try:
+        summary = carry_out(target, specimen, folder, figures=not no_figures, progress=not quiet)
+    except Unstable as failure:
+        return unstable(str(failure))
+    if not quiet:
+        click.echo(report(summary))
+        click.echo(f"results in {folder}")
+    return 0
+
+
+def report(summary: dict[str, Any]) -> str:
+    """Micro parameters and the check as a table."""
+    lines = [f"{'micro parameter':30s}{'value':>12s}{'std. error':>12s}{'relations':>12s}{'published':>12s}"]
+    for name, entry in summary["results"].items():
+        head = f"{name.replace('_', ' ')} {entry['unit'].replace('1', '')}".strip()
+        numbers = (entry["value"], entry["standard_error"], entry["from_relations"], entry["published"])
+        lines.append(f"{head:30s}" + "".join(f"{number:12.4g}" for number in numbers))
+    lines.append(f"{'check on other packings':30s}{'target':>12s}{'mean':>12s}{'deviation':>12s}{'off by, %':>12s}")
+    for name, entry in summary["check"].items():
+        scale, unit = (1e-6, " MPa") if entry["unit"] == "Pa" else (1.0, "")
+        off = 100.0 * (entry["value"] / entry["target"] - 1.0) if entry["target"] else float("nan")
+        numbers = (scale * entry["target"], scale * entry["value"], scale * entry["deviation"], off)
+        lines.append(f"{name.replace('_', ' ') + unit:30s}" + "".join(f"{number:12.4g}" for number in numbers))
+    lines.append("seconds: " + ", ".join(f"{name} {value:.1f}" for name, value in summary["seconds"].items()))
+    return "\n".join(lines)
