@@ -172,7 +172,7 @@ def summarise(
     wanted, own, fresh = macro(target.responses), macro(result.measured), macro(checked)
     check = {}
     for k, (name, unit) in enumerate(zip(NAMES, UNITS[: len(wanted)])):
-        mean, deviation = spread(fresh[:, k].tolist())
+        mean, deviation = spread(fresh[:, k])
         reached = float(own[:, k].mean())
         chance = float(ttest_ind(own[:, k], fresh[:, k], equal_var=False).pvalue) if min(len(own), len(fresh)) > 1 else math.nan
         check[name] = {

@@ -119,7 +119,7 @@ def elastic_disc(share: float) -> tuple[float, float]:
     return float(lateral.mean()), float(axial.mean())
 
 
-def spread(values: list[float]) -> tuple[float, float]:
+def spread(values: list[float] | np.ndarray) -> tuple[float, float]:
     """Mean and standard deviation of a sample; the latter NaN of a single value."""
     array = np.array(values)
     return float(array.mean()), float(array.std(ddof=1)) if array.size > 1 else math.nan
