@@ -15,7 +15,8 @@ from numba import njit
 
 from bridge.blocks import row_times
 from bridge.substeps import carry_ghosts, ghosts_feel, linear_forces, still_ghosts, take_link
-from particles.motion import ONWARD, TO_END, drift, evaluate, kick_on, stale
+from particles.block_motion import ONWARD, TO_END
+from particles.motion import drift, evaluate, kick_on, stale
 from particles.system import INNER, STEPS
 
 

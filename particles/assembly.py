@@ -142,7 +142,7 @@ class Assembly:
         none = np.zeros(0, dtype=np.int32)
         return System(
             position=position, velocity=rows(), acceleration=rows(), force=rows(),
-            lightness=lightness, rotation=rows(space), spin=rows(space), 
+            lightness=lightness, rotation=rows(space), spin=rows(space),
             angular=rows(space), torque=rows(space), nimbleness=nimbleness, start=np.zeros(count + 1, dtype=np.int32),
             first=none, second=none, history=np.zeros((len(self._laws.columns), 0)), scratch=aligned((SCRATCH,)),
             material=self._laws.materials, external=None, walls=None, records=None, held=None, breaks=None,
