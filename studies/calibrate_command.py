@@ -8,7 +8,7 @@ import click
 
 from studies.calibrate import NOT_OPTIONS, TITLE, Targets
 from studies.foundation_command import unstable
-from studies.options import click_options, one_rank
+from studies.options import click_options, no_figures_option, one_rank, output_option, quiet_option
 from studies.rock import Compression
 
 HELP = f"""{TITLE}.
@@ -22,9 +22,9 @@ further runs on the same packings, and checked on others.
 @click.command("calibrate", help=HELP, context_settings={"max_content_width": 118})
 @click_options(Targets)
 @click_options(Compression, without=NOT_OPTIONS)
-@click.option("--output", default="out/calibrate", metavar="FOLDER", help="Folder for the results.  [default: out/calibrate]")
-@click.option("--no-figures", is_flag=True, help="Draw no figures.")
-@click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+@output_option("calibrate")
+@no_figures_option
+@quiet_option
 def command(output: str, no_figures: bool, quiet: bool, **values: Any) -> int:
     """Check everything, then run; returns the exit status."""
     target = Targets(**{name: values.pop(name) for name in Targets.__dataclass_fields__})

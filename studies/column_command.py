@@ -9,7 +9,15 @@ import numpy as np
 
 from studies.column import TITLE, Parameters, lube, staron_hinch
 from studies.foundation_command import unstable
-from studies.options import brief, click_options, one_rank
+from studies.options import (
+    brief,
+    click_options,
+    no_fields_option,
+    no_figures_option,
+    one_rank,
+    output_option,
+    quiet_option,
+)
 
 HELP = f"""{TITLE}.
 
@@ -21,12 +29,12 @@ for discs without rolling resistance.
 
 @click.command("column", help=HELP, context_settings={"max_content_width": 118})
 @click_options(Parameters)
-@click.option("--output", default="out/column", metavar="FOLDER", help="Folder for the results.  [default: out/column]")
+@output_option("column")
 @click.option("--samples", default=100, type=int, metavar="NUMBER", help="Rows of history.csv a column.  [default: 100]")
 @click.option("--frames", default=6, type=int, metavar="NUMBER", help="Times of the field files a column.  [default: 6]")
-@click.option("--no-fields", is_flag=True, help="Write no field files.")
-@click.option("--no-figures", is_flag=True, help="Draw no figures.")
-@click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+@no_fields_option
+@no_figures_option
+@quiet_option
 def command(
     output: str, samples: int, frames: int, no_fields: bool, no_figures: bool, quiet: bool, **values: Any
 ) -> int:

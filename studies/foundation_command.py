@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from studies.foundation import TITLE, Parameters
-from studies.options import brief, click_options
+from studies.options import brief, click_options, no_fields_option, no_figures_option, quiet_option
 
 HELP = f"""{TITLE}.
 
@@ -35,9 +35,9 @@ multiplier and respa are equally accurate; the first keeps momentum to rounding 
     metavar="NUMBER",
     help="Times of the field files, beside the paper's states.  [default: 8]",
 )
-@click.option("--no-fields", is_flag=True, help="Write no field files.")
-@click.option("--no-figures", is_flag=True, help="Draw no figures.")
-@click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+@no_fields_option
+@no_figures_option
+@quiet_option
 def command(
     compare: bool, growth_test: bool, output: str, samples: int, frames: int, no_fields: bool, no_figures: bool,
     quiet: bool, **values: Any,

@@ -8,7 +8,7 @@ import click
 
 from studies.foundation_command import unstable
 from studies.interface import TITLE, Parameters
-from studies.options import brief, click_options, one_rank
+from studies.options import brief, click_options, no_figures_option, one_rank, output_option, quiet_option
 
 HELP = f"""{TITLE}.
 
@@ -20,11 +20,11 @@ the same lattice without cells, and which zone keeps it below the wanted value. 
 
 @click.command("interface", help=HELP, context_settings={"max_content_width": 118})
 @click_options(Parameters)
-@click.option("--output", default="out/interface", metavar="FOLDER", help="Folder for the results.  [default: out/interface]")
+@output_option("interface")
 @click.option("--samples", default=400, type=int, metavar="NUMBER", help="Rows of history.csv.  [default: 400]")
 @click.option("--no-map", is_flag=True, help="Only the run that is shown.")
-@click.option("--no-figures", is_flag=True, help="Draw no figures.")
-@click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+@no_figures_option
+@quiet_option
 def command(output: str, samples: int, no_map: bool, no_figures: bool, quiet: bool, **values: Any) -> int:
     """Check everything, then run; returns the exit status."""
     if not 1 <= samples <= 1_000_000:

@@ -8,7 +8,7 @@ import click
 
 from studies.foundation_command import unstable
 from studies.lab import Biaxial, Parameters, Shear, Triaxial
-from studies.options import brief, click_options, one_rank
+from studies.options import brief, click_options, no_fields_option, no_figures_option, one_rank, quiet_option
 
 HELP = """A dense random packing in a periodic cell is compressed isotropically to the confining stress and then {what}, so
 slowly that results depend on friction, size distribution and stiffness level only. Strains are logarithmic; axial strain
@@ -33,9 +33,9 @@ def _command(kind: type[Parameters]) -> click.Command:
     )
     @click.option("--samples", default=400, type=int, metavar="NUMBER", help="Rows of history.csv.  [default: 400]")
     @click.option("--frames", default=6, type=int, metavar="NUMBER", help="Times of the field files.  [default: 6]")
-    @click.option("--no-fields", is_flag=True, help="Write no field files.")
-    @click.option("--no-figures", is_flag=True, help="Draw no figures.")
-    @click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+    @no_fields_option
+    @no_figures_option
+    @quiet_option
     def command(
         output: str, samples: int, frames: int, no_fields: bool, no_figures: bool, quiet: bool, **values: Any
     ) -> int:

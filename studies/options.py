@@ -118,6 +118,16 @@ def click_options(kind: type, without: tuple[str, ...] = ()) -> Callable[[Any], 
     return decorate
 
 
+def output_option(study: str) -> Callable[[Any], Any]:
+    """The option for the folder of the results."""
+    return click.option("--output", default=f"out/{study}", metavar="FOLDER", help=f"Folder for the results.  [default: out/{study}]")
+
+
+no_fields_option = click.option("--no-fields", is_flag=True, help="Write no field files.")
+no_figures_option = click.option("--no-figures", is_flag=True, help="Draw no figures.")
+quiet_option = click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+
+
 def size_in_metres(name: str, text: str) -> tuple[float, float]:
     """Width and depth (m) of a text such as "6x3".
 

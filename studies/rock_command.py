@@ -7,7 +7,15 @@ from typing import Any
 import click
 
 from studies.foundation_command import unstable
-from studies.options import brief, click_options, one_rank
+from studies.options import (
+    brief,
+    click_options,
+    no_fields_option,
+    no_figures_option,
+    one_rank,
+    output_option,
+    quiet_option,
+)
 from studies.rock import Brazilian, Compression, Parameters
 
 HELP = """Discs in random dense packings are bonded as they lie, without force, and pressed between two rigid plates until
@@ -36,12 +44,12 @@ def _command(kind: type[Parameters]) -> click.Command:
 
     @click.command(name, help=f"{kind.title}.\n\n{HELP}\n{WHAT[name]}", context_settings={"max_content_width": 118})
     @click_options(kind)
-    @click.option("--output", default=f"out/{name}", metavar="FOLDER", help=f"Folder for the results.  [default: out/{name}]")
+    @output_option(name)
     @click.option("--samples", default=600, type=int, metavar="NUMBER", help="Rows of history.csv over --strain, a packing.  [default: 600]")
     @click.option("--frames", default=20, type=int, metavar="NUMBER", help="States kept over --strain, a packing.  [default: 20]")
-    @click.option("--no-fields", is_flag=True, help="Write no field files.")
-    @click.option("--no-figures", is_flag=True, help="Draw no figures.")
-    @click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+    @no_fields_option
+    @no_figures_option
+    @quiet_option
     def command(
         output: str, samples: int, frames: int, no_fields: bool, no_figures: bool, quiet: bool, **values: Any
     ) -> int:
