@@ -15,8 +15,9 @@ from numba import njit
 
 from bridge.overlap.nodes import kick_nodes, pull_nodes, start_nodes
 from bridge.substeps import forces, list_used_up
-from particles.motion import drift, kick, kick_drift, moved
-from particles.system import INNER, OUTER
+from particles.block_motion import ONWARD, TO_END
+from particles.motion import drift, kick_on, moved
+from particles.system import INNER, STEPS
 
 
 class Tied(NamedTuple):
@@ -125,7 +126,7 @@ def _accelerate(system, tied, damping):
                 system.acceleration[row, c] = system.force[row, c] * system.lightness[row, c] - drag
 
 
-@njit(**OUTER)
+@njit(**STEPS)
 def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, h, steps, first):
     """Fine steps in which the tied components are eliminated: the mass of the nodes holds that of the particles.
 
@@ -147,17 +148,14 @@ def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, h, st
         last = j == steps - 1
         pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
         kick_nodes(nodes, mass, damping, h, last)
+        kick_on(system, terms, h, TO_END if last else ONWARD)
+        _carry(system, tied, nodes, 0.0 if last else h)
         if last:
-            kick(system, terms, h)
-            _carry(system, tied, nodes, 0.0)
             _show_forces(system, tied)
-        else:
-            kick_drift(system, terms, h)
-            _carry(system, tied, nodes, h)
     return steps
 
 
-@njit(**OUTER)
+@njit(**STEPS)
 def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, h, steps, first):
     """Fine steps with springs between the tied components and the mesh; arguments as in `run_tied`."""
     if first < 0:
@@ -176,9 +174,7 @@ def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, 
         last = j == steps - 1
         pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
         kick_nodes(nodes, mass, damping, h, last)
+        kick_on(system, terms, h, TO_END if last else ONWARD)
         if last:
-            kick(system, terms, h)
             _relax(system, tied)
-        else:
-            kick_drift(system, terms, h)
     return steps
