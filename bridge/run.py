@@ -15,11 +15,18 @@ from numba.core import event
 
 import continuum
 import particles
+from particles.dispatch import COMPILING
 
 PHASES = ("setup", "compile", "stepping", "coupling", "output")
 LONGEST_CHUNK = 50  # steps between two looks for blow-up
-COMPILING = "numba:compiler_lock"  # held while Numba compiles or loads what it has compiled before
 Result = TypeVar("Result")
+_compiling = event.TimingListener()
+event.register(COMPILING, _compiling)
+
+
+def compiled_seconds() -> float:
+    """Seconds so far in which Numba compiled, or loaded what it had compiled before."""
+    return _compiling.duration if _compiling.done else 0.0
 
 
 class Model(Protocol):
@@ -47,30 +54,24 @@ class Stopwatch:
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
         """Add the time of the block to a phase."""
-        compiled = self.seconds["compile"]
-        start = time.perf_counter()
+        start, before = time.perf_counter(), compiled_seconds()
         try:
-            with event.install_timer(COMPILING, self._compiled):
-                yield
+            yield
         finally:
-            passed = time.perf_counter() - start
-            self.seconds[name] += passed - (self.seconds["compile"] - compiled)
-
-    def _compiled(self, seconds: float) -> None:
-        self.seconds["compile"] += seconds
+            compiled = compiled_seconds() - before
+            self.seconds["compile"] += compiled
+            self.seconds[name] += time.perf_counter() - start - compiled
 
     def part(self, name: str, work: Callable[..., Result]) -> Callable[..., Result]:
         """The same function, with its time added to `parts[name]` (without compilation)."""
         self.parts.setdefault(name, 0.0)
 
         def timed(*arguments: Any, **options: Any) -> Result:
-            compiled: list[float] = []
-            start = time.perf_counter()
+            start, before = time.perf_counter(), compiled_seconds()
             try:
-                with event.install_timer(COMPILING, compiled.append):
-                    return work(*arguments, **options)
+                return work(*arguments, **options)
             finally:
-                self.parts[name] += time.perf_counter() - start - sum(compiled)
+                self.parts[name] += time.perf_counter() - start - (compiled_seconds() - before)
 
         return timed
 

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 from numba import typeof
+from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
 from particles.caches import without_cache
 
+COMPILING = "numba:compiler_lock"  # event of Numba while it compiles or loads what it has compiled before
 _PLAIN = frozenset((np.ndarray, type(None), float, int, bool, np.float64))
 
 
@@ -38,7 +40,7 @@ class Direct:
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
+        self._function, self.__doc__ = function, function.__doc__
         self._entries: dict[Any, Callable[..., Any]] = {}
         self._last: tuple[Any, ...] = ()  # keeps the tuples alive, so that their identities stay theirs
         self._last_key: Any = None
@@ -51,14 +53,18 @@ class Direct:
         kinds = _kinds(arguments)
         entry: Any = self._entries.get(kinds)
         if entry is None:
-            entry = self._function
-            if hasattr(entry, "overloads"):  # not so where compilation is switched off
-                # by the types, not by a call: numba's own choice among compiled versions was seen to take one for a
-                # law without dashpots where the law had them
-                types = tuple(map(typeof, arguments))
-                with without_cache() if _has_function(kinds) else contextlib.nullcontext():
-                    entry.compile(types)
-                entry = entry.overloads[types].entry_point
-            self._entries[kinds] = entry
+            with event.trigger_event(COMPILING):
+                entry = self._entries[kinds] = self._compiled(arguments, kinds)
         self._last, self._last_key, self._entry = arguments, key, entry
         return entry(*arguments)
+
+    def _compiled(self, arguments: tuple[Any, ...], kinds: Any) -> Callable[..., Any]:
+        entry: Any = self._function
+        if not hasattr(entry, "overloads"):
+            return entry  # compilation is switched off
+        # by the types, not by a call: numba's own choice among compiled versions was seen to take one for a law without
+        # dashpots where the law had them
+        types = tuple(map(typeof, arguments))
+        with without_cache() if _has_function(kinds) else contextlib.nullcontext():
+            entry.compile(types)
+        return entry.overloads[types].entry_point

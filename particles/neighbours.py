@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from particles.columns import WIDTH
+from particles.dispatch import Direct
 from particles.system import INNER, KERNEL, OUTER, RADIUS, STEPS
 
 ROOM = WIDTH + 8  # at least WIDTH pairs of unused room behind a list, for loops that work on whole batches
@@ -240,6 +241,7 @@ def _partners(grid, at, still, skin, capacity, box):
     return begin, partner
 
 
+@Direct
 @njit(**OUTER)
 def list_pairs(grid, places, radii, ghost, skin, axes, capacity, box):
     """Half list of pairs closer than r_i + r_j + skin, without pairs of two ghosts.
