@@ -354,17 +354,21 @@ class Assembly:
     def _compose_held(self) -> None:
         system = self._system
         self._set_lightness(system.lightness, system.nimbleness, self._ids)
-        if not self._held:
-            self._system = system._replace(held=None)
-            return
-        rows, free = self._rows[list(self._held)], np.array(list(self._held.values()))
+        self._held_ids = np.fromiter(self._held, dtype=np.int64, count=len(self._held))
+        self._held_free = free = np.array(list(self._held.values())).reshape(-1, self.freedoms)
+        rows = self._rows[self._held_ids]
         for values, part in ((system.lightness, free[:, :3]), (system.nimbleness, free[:, 3:])):
             if values is not None:
                 values[rows, :3] *= part
         system.acceleration[rows, :3] *= free[:, :3]
         if system.angular is not None:
             system.angular[rows, :3] *= free[:, 3:]
-        self._system = system._replace(held=Held(rows, free))
+        self._place_held()
+
+    def _place_held(self) -> None:
+        """Find the held particles in the present order of the rows."""
+        held = Held(self._rows[self._held_ids], self._held_free) if self._held else None
+        self._system = self._system._replace(held=held)
 
     def _set_lightness(self, lightness: np.ndarray, nimbleness: np.ndarray | None, ids: np.ndarray) -> None:
         """One over masses and inertias for rows of these ids, all free."""

@@ -37,30 +37,39 @@ def _members(bits: int) -> list[int]:
     return [k for k in range(4) if bits >> k & 1]
 
 
-def gather(scratch, column, rows, first, second, at, own):
-    """Rows of pairs at, at + 1, ... to columns: four of differences (second minus first), then components of the first.
+def places_of(index, at):
+    """Where the rows index[at], ... of BLOCK pairs begin in flat arrays of rows of four, for `gather` and `scatter`.
+
+    Found once for all arrays: to the compiler any number that is written might be part of the index.
+    """
+    return tuple(4 * int(row) for row in index[at : at + BLOCK])
+
+
+def gather(scratch, column, rows, first, second, own):
+    """Rows of BLOCK pairs to columns: four of differences (second minus first), then components of the first.
 
     Args:
         scratch: (columns * STRIDE,).
         column: place in scratch of the first pair in the first column.
         rows: (n, 4).
-        first, second: (pairs,) int32 rows of each pair.
-        at: first pair; BLOCK pairs are moved.
+        first, second: `places_of` the rows of each pair.
         own: which components of the first row are wanted, a number with bit 2^k for component k, known when the loop is
             compiled.
     """
-    for c in range(BLOCK):
+    flat = rows.reshape(-1)
+    for c, (i, j) in enumerate(zip(first, second)):
         for k in range(4):
-            scratch[column + k * STRIDE + c] = rows[second[at + c], k] - rows[first[at + c], k]
+            scratch[column + k * STRIDE + c] = flat[j + k] - flat[i + k]
         for k, component in enumerate(_members(own)):
-            scratch[column + (4 + k) * STRIDE + c] = rows[first[at + c], component]
+            scratch[column + (4 + k) * STRIDE + c] = flat[i + component]
 
 
-def scatter(scratch, column, rows, index, at, sign):
+def scatter(scratch, column, rows, places, sign):
     """Add `sign` (1 or -1, known when the loop is compiled) times three columns to the first components of the rows."""
-    for c in range(BLOCK):
+    flat = rows.reshape(-1)
+    for c, place in enumerate(places):
         for k in range(3):
-            rows[index[at + c], k] += sign * scratch[column + k * STRIDE + c]
+            flat[place + k] += sign * scratch[column + k * STRIDE + c]
 
 
 def load_column(scratch, column, values, line, at):
@@ -94,10 +103,8 @@ class _Code:
     def sum(self, value, constant):
         return self.builder.add(value, ir.Constant(_int64, constant)) if constant else value
 
-    def row_place(self, rows, index, at, c):
-        """Address of the row of four numbers of pair at + c."""
-        row = self.builder.sext(self.builder.load(self.place(index, self.sum(at, c))), _int64)
-        return self.place(rows, self.builder.mul(row, ir.Constant(_int64, 4)))
+    def member(self, places, c):
+        return self.builder.extract_value(places, c)
 
     def load(self, place, kind=_row):
         return self.builder.load(self.builder.bitcast(place, kind.as_pointer()), align=8)
@@ -130,18 +137,35 @@ def _written(build):
     return codegen
 
 
+@intrinsic
+def _places_of(typing_context, index, at):
+    def codegen(context, builder, signature, arguments):
+        code, (_, at) = _Code(context, builder, signature, arguments), arguments
+        rows = [builder.sext(builder.load(code.place(0, code.sum(at, c))), _int64) for c in range(BLOCK)]
+        return context.make_tuple(
+            builder, signature.return_type, [builder.mul(row, ir.Constant(_int64, 4)) for row in rows]
+        )
+
+    return types.UniTuple(types.int64, BLOCK)(index, types.int64), codegen
+
+
+@overload(places_of)
+def _compiled_places_of(index, at):
+    return lambda index, at: _places_of(index, at)
+
+
 def _gather(own):
     @intrinsic
-    def move(typing_context, scratch, column, rows, first, second, at):
-        def build(code, scratch, column, rows, first, second, at):
-            both = [[code.load(code.row_place(2, index, at, c)) for index in (3, 4)] for c in range(BLOCK)]
+    def move(typing_context, scratch, column, rows, first, second):
+        def build(code, scratch, column, rows, first, second):
+            both = [[code.load(code.place(2, code.member(places, c))) for places in (first, second)] for c in range(BLOCK)]
             columns = code.transposed([code.builder.fsub(j, i) for i, j in both])
             firsts = code.transposed([i for i, _ in both])
             columns += [firsts[component] for component in _members(own)]
             for k, values in enumerate(columns):
                 code.store(values, code.place(0, code.sum(column, k * STRIDE)))
 
-        return types.void(scratch, types.int64, rows, first, second, types.int64), _written(build)
+        return types.void(scratch, types.int64, rows, first, second), _written(build)
 
     return move
 
@@ -150,24 +174,24 @@ _GATHERS = {own: _gather(own) for own in range(16)}
 
 
 @overload(gather, prefer_literal=True)
-def _compiled_gather(scratch, column, rows, first, second, at, own):
+def _compiled_gather(scratch, column, rows, first, second, own):
     if _is_rows(rows) and isinstance(own, types.IntegerLiteral):
         move = _GATHERS[own.literal_value]
-        return lambda scratch, column, rows, first, second, at, own: move(scratch, column, rows, first, second, at)
+        return lambda scratch, column, rows, first, second, own: move(scratch, column, rows, first, second)
 
 
 def _scatter(sign):
     @intrinsic
-    def move(typing_context, scratch, column, rows, index, at):
-        def build(code, scratch, column, rows, index, at):
+    def move(typing_context, scratch, column, rows, places):
+        def build(code, scratch, column, rows, places):
             columns = [code.load(code.place(0, code.sum(column, k * STRIDE))) for k in range(3)]
             columns.append(ir.Constant(_row, [0.0] * BLOCK))
             combine = code.builder.fadd if sign > 0 else code.builder.fsub
             for c, addend in enumerate(code.transposed(columns)):
-                place = code.row_place(2, 3, at, c)
+                place = code.place(2, code.member(places, c))
                 code.store(combine(code.load(place), addend), place)
 
-        return types.void(scratch, types.int64, rows, index, types.int64), _written(build)
+        return types.void(scratch, types.int64, rows, places), _written(build)
 
     return move
 
@@ -176,10 +200,10 @@ _SCATTERS = {1: _scatter(1), -1: _scatter(-1)}
 
 
 @overload(scatter, prefer_literal=True)
-def _compiled_scatter(scratch, column, rows, index, at, sign):
+def _compiled_scatter(scratch, column, rows, places, sign):
     if _is_rows(rows) and isinstance(sign, types.IntegerLiteral):
         move = _SCATTERS[sign.literal_value]
-        return lambda scratch, column, rows, index, at, sign: move(scratch, column, rows, index, at)
+        return lambda scratch, column, rows, places, sign: move(scratch, column, rows, places)
 
 
 def _copy(inwards):

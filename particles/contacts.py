@@ -10,8 +10,8 @@ from __future__ import annotations
 from numba import njit
 
 from particles.cell import image_in_plane, image_in_space
-from particles.columns import BLOCK, STRIDE, WIDTH, gather, load_column, scatter, store_column
-from particles.kinematics import touch_in_plane, touch_in_space
+from particles.columns import BLOCK, STRIDE, WIDTH, gather, load_column, places_of, scatter, store_column
+from particles.kinematics import PLANE, SPACE, frame_in_plane, frame_in_space, touch_in_plane, touch_in_space
 from particles.laws.touch import NOTHING, law_at, respond
 from particles.system import BREAKING, CELL_POWER, INLINE, INNER, KERNEL, MASS, MERGED, SPENT, TIME
 from particles.vectors import cross, dot, load, moved, plus, present, scaled, store
@@ -23,9 +23,11 @@ _TURN, _REDUCED = 9 * STRIDE, 10 * STRIDE
 _CHANGE, _ANGULAR_OWN = 11 * STRIDE, 15 * STRIDE  # accelerations, where there are dashpots
 _SPIN_MORE, _SPIN = 16 * STRIDE, 20 * STRIDE  # in space
 _ANGULAR_MORE, _ANGULAR = 23 * STRIDE, 27 * STRIDE
-_FORCE, _TORQUE, _OTHER = 30 * STRIDE, 33 * STRIDE, 36 * STRIDE  # on i; torque on j (in the plane: minus force and torque)
-_IMAGE = 39 * STRIDE  # power of the moving cell
-_SPENT = 40 * STRIDE
+_FRAME, _DRIFT = 30 * STRIDE, 47 * STRIDE  # `SPACE` or `PLANE` of the kinematics; velocity of the image of j
+# In place of the frame: force on i, torque on i and on j (in the plane: force and torque, and minus those on j)
+_FORCE, _TORQUE, _OTHER = _FRAME, _FRAME + 3 * STRIDE, _FRAME + 6 * STRIDE
+_IMAGE = 50 * STRIDE  # power of the moving cell
+_SPENT = 51 * STRIDE
 _HISTORY = _SPENT + SPENT * STRIDE
 HISTORIES, NUMBERS = 24, 40  # most columns of history, most numbers in a law
 _NUMBERS = _HISTORY + HISTORIES * STRIDE
@@ -37,17 +39,18 @@ SCRATCH = _SHARE + STRIDE
 def _gather_pairs(scratch, position, velocity, acceleration, spin, angular, viscous, first, second, at, count):
     """Rows of a batch to columns; the last block may reach beyond the pairs, into the room that is left for it."""
     for c in range(0, count, BLOCK):
-        gather(scratch, _PLACE + c, position, first, second, at + c, 0b1000)
+        i, j = places_of(first, at + c), places_of(second, at + c)
+        gather(scratch, _PLACE + c, position, i, j, 0b1000)
         if spin is None:
-            gather(scratch, _MOTION + c, velocity, first, second, at + c, 0b0100)
+            gather(scratch, _MOTION + c, velocity, i, j, 0b0100)
             if viscous is not None:
-                gather(scratch, _CHANGE + c, acceleration, first, second, at + c, 0b0100)
+                gather(scratch, _CHANGE + c, acceleration, i, j, 0b0100)
         else:
-            gather(scratch, _MOTION + c, velocity, first, second, at + c, 0)
-            gather(scratch, _SPIN_MORE + c, spin, first, second, at + c, 0b0111)
+            gather(scratch, _MOTION + c, velocity, i, j, 0)
+            gather(scratch, _SPIN_MORE + c, spin, i, j, 0b0111)
             if viscous is not None:
-                gather(scratch, _CHANGE + c, acceleration, first, second, at + c, 0)
-                gather(scratch, _ANGULAR_MORE + c, angular, first, second, at + c, 0b0111)
+                gather(scratch, _CHANGE + c, acceleration, i, j, 0)
+                gather(scratch, _ANGULAR_MORE + c, angular, i, j, 0b0111)
 
 
 @njit(**INNER)
@@ -126,15 +129,47 @@ def _book_image(image, scratch, q, power):
 
 
 @njit(**INLINE)
+def _drift_of(image, scratch, q):
+    """Velocity of the image of j against j itself."""
+    if image is None:
+        return 0.0, 0.0, 0.0
+    return _triple(scratch, _DRIFT + q)
+
+
+@njit(**INLINE)
+def _frame_in_plane(scratch, q, step, image):
+    """Direction of one pair of discs and how it turned."""
+    bx, by, _ = _triple(scratch, _PLACE + q)
+    bx, by, wx, wy = image_in_plane(image, bx, by)
+    if image is not None:
+        store(scratch, _DRIFT + q, STRIDE, (wx, wy))
+    dx, dy, _ = _triple(scratch, _MOTION + q)
+    store(scratch, _FRAME + q, STRIDE, frame_in_plane(bx, by, step * (dx + wx), step * (dy + wy)))
+
+
+@njit(**INLINE)
+def _frame_in_space(scratch, q, step, image):
+    """The same for a pair of spheres."""
+    branch, drift = image_in_space(image, _triple(scratch, _PLACE + q))
+    if image is not None:
+        store(scratch, _DRIFT + q, STRIDE, drift)
+    spin = _triple(scratch, _SPIN + q)
+    frame = frame_in_space(
+        branch, scaled(step, plus(_triple(scratch, _MOTION + q), drift)), scaled(step, spin),
+        scaled(step, plus(spin, _triple(scratch, _SPIN_MORE + q))),
+    )  # fmt: skip
+    store(scratch, _FRAME + q, STRIDE, frame)
+
+
+@njit(**INLINE)
 def _in_plane(scratch, q, step, viscous, law, blank, image, shared):
     """One pair of discs: its touch, the law's response, forces and torques to their columns."""
-    bx, by, _ = _triple(scratch, _PLACE + q)
-    dx, dy, more = _triple(scratch, _MOTION + q)
-    bx, by, wx, wy = image_in_plane(image, bx, by)
+    more = scratch[_MOTION + 2 * STRIDE + q]
+    wx, wy, _ = _drift_of(image, scratch, q)
     rx, ry, rate_i, rate_j = _rates_in_plane(scratch, q, viscous, 0.5 * step)
     radius, turn = scratch[_RADIUS + q], scratch[_TURN + q]
     touch = touch_in_plane(
-        bx, by, step * (dx + wx), step * (dy + wy), step * turn, step * (turn + more), (rx + wx, ry + wy, rate_i, rate_j),
+        load(scratch, _FRAME + q, STRIDE, PLANE), step * turn, step * (turn + more), (rx + wx, ry + wy, rate_i, rate_j),
         radius, radius + scratch[_PLACE + 3 * STRIDE + q], scratch[_REDUCED + q],
     )  # fmt: skip
     response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))
@@ -155,11 +190,10 @@ def _in_plane(scratch, q, step, viscous, law, blank, image, shared):
 def _in_space(scratch, q, step, viscous, law, blank, image, shared):
     """The same for a pair of spheres."""
     radius = scratch[_RADIUS + q]
-    spin = _triple(scratch, _SPIN + q)
+    spin, drift = _triple(scratch, _SPIN + q), _drift_of(image, scratch, q)
     rate, rate_i, rate_j = _rates_in_space(scratch, q, viscous, 0.5 * step)
-    branch, drift = image_in_space(image, _triple(scratch, _PLACE + q))
     touch = touch_in_space(
-        branch, scaled(step, plus(_triple(scratch, _MOTION + q), drift)), scaled(step, spin),
+        load(scratch, _FRAME + q, STRIDE, SPACE), scaled(step, spin),
         scaled(step, plus(spin, _triple(scratch, _SPIN_MORE + q))), plus(rate, drift), rate_i, rate_j,
         radius, radius + scratch[_PLACE + 3 * STRIDE + q], scratch[_REDUCED + q],
     )  # fmt: skip
@@ -178,6 +212,20 @@ def _in_space(scratch, q, step, viscous, law, blank, image, shared):
 
 
 @njit(**KERNEL)
+def _frame_all(scratch, count, step, space, image):
+    """Directions of all pairs of a batch (`space`: None or anything).
+
+    A loop of its own: in one loop with the law a processor would wait for square roots and quotients that follow from each
+    other, since less than the next pair's work fits into what it looks ahead.
+    """
+    for q in range(count):
+        if space is None:
+            _frame_in_plane(scratch, q, step, image)
+        else:
+            _frame_in_space(scratch, q, step, image)
+
+
+@njit(**KERNEL)
 def _respond_all(scratch, count, step, space, viscous, law, table, blank, image, shared):
     """The law for all pairs of a batch (`space`, `viscous`, `shared`: None or anything)."""
     for q in range(count):
@@ -193,13 +241,14 @@ def _scatter_pairs(scratch, force, torque, first, second, at, count):
     """Add forces and torques to the rows; the last pairs one by one."""
     whole = count - count % BLOCK
     for c in range(0, whole, BLOCK):
-        scatter(scratch, _FORCE + c, force, first, at + c, 1)
+        ours, theirs = places_of(first, at + c), places_of(second, at + c)
+        scatter(scratch, _FORCE + c, force, ours, 1)
         if torque is None:
-            scatter(scratch, _OTHER + c, force, second, at + c, -1)
+            scatter(scratch, _OTHER + c, force, theirs, -1)
         else:
-            scatter(scratch, _FORCE + c, force, second, at + c, -1)
-            scatter(scratch, _TORQUE + c, torque, first, at + c, 1)
-            scatter(scratch, _OTHER + c, torque, second, at + c, 1)
+            scatter(scratch, _FORCE + c, force, theirs, -1)
+            scatter(scratch, _TORQUE + c, torque, ours, 1)
+            scatter(scratch, _OTHER + c, torque, theirs, 1)
     for c in range(whole, count):
         i, j = first[at + c], second[at + c]
         for k in range(3):
@@ -264,6 +313,7 @@ def pair_batch(system, terms, step, image, at, count):
     _gather_numbers(scratch, terms.table, system.material, first, second, at, count)
     for k in range(history.shape[0]):
         load_column(scratch, _HISTORY + k * STRIDE, history, k, at)
+    _frame_all(scratch, count, step, present(system.spin), image)
     _respond_all(
         scratch, count, step, present(system.spin), terms.viscous, terms.law, terms.table, terms.blank, image,
         present(system.share),

@@ -15,6 +15,9 @@ from particles.laws.touch import Touch
 from particles.system import INLINE
 from particles.vectors import cross, dot, minus, moved, plus, scaled
 
+PLANE = (0.0,) * 6  # normal; distance, one over it; half of its change in the step; angle by which the normal turned
+SPACE = (0.0,) * 17  # normals at both ends; distance, one over it, half of its change; ratios of i and j; then as `turning`
+
 
 @njit(**INLINE)
 def angle_of(y, x):
@@ -77,24 +80,35 @@ def turning(rotation, old_normal, normal):
 
 
 @njit(**INLINE)
-def touch_in_plane(bx, by, dx, dy, turn_i, turn_j, rates, radius_i, radius_j, mass):
-    """Touch of two discs.
+def frame_in_plane(bx, by, dx, dy):
+    """What of a pair of discs takes long to find out, in the order of `PLANE`: its direction and how that turned.
 
     Args:
         bx, by: from i to j at the end of the step, m.
         dx, dy: change of that in the step, m.
+    """
+    distance = math.sqrt(bx * bx + by * by)
+    inverse = 1.0 / distance
+    ox, oy = bx - dx, by - dy
+    # half the change of the distance, to the third order in that change
+    half = 0.25 * inverse * (dx * (bx + ox) + dy * (by + oy))
+    half *= 1.0 + half * inverse
+    turn = angle_of(ox * by - oy * bx, ox * bx + oy * by)
+    return bx * inverse, by * inverse, distance, inverse, half, turn
+
+
+@njit(**INLINE)
+def touch_in_plane(frame, turn_i, turn_j, rates, radius_i, radius_j, mass):
+    """Touch of two discs.
+
+    Args:
+        frame: of `frame_in_plane`.
         turn_i, turn_j: rotations in the step, rad.
         rates: relative velocity (x, y) of j, spins of i and j at the end of the step.
         mass: reduced mass, kg.
     """
-    distance = math.sqrt(bx * bx + by * by)
-    inverse = 1.0 / distance
-    nx, ny = bx * inverse, by * inverse
-    ox, oy = bx - dx, by - dy
-    turn = angle_of(ox * by - oy * bx, ox * bx + oy * by)
-    # half the change of the distance, and one over its mean, to the third order in that change
-    half = 0.25 * inverse * (dx * (bx + ox) + dy * (by + oy))
-    half *= 1.0 + half * inverse
+    nx, ny, distance, inverse, half, turn = frame
+    # one over the mean distance, to the third order in its change
     strain = half * inverse
     inverse_mean = inverse * (1.0 + strain + strain * strain)
     overlap = radius_i + radius_j - distance
@@ -111,12 +125,11 @@ def touch_in_plane(bx, by, dx, dy, turn_i, turn_j, rates, radius_i, radius_j, ma
 
 
 @njit(**INLINE)
-def touch_in_space(b, d, turn_i, turn_j, rate, spin_i, spin_j, radius_i, radius_j, mass):
-    """Touch of two spheres; arguments as in the plane, all vectors of three.
+def frame_in_space(b, d, turn_i, turn_j):
+    """The same for two spheres, in the order of `SPACE`; all arguments are vectors of three.
 
-    Rotations enter as 2 tan(|turn| / 2) / |turn| turn, with which a rigid rotation of any size causes no sliding. Lengths at
-    the start of the step come from those at its end by series in the change of the squared distance, which is zero then;
-    errors are of its fourth power.
+    Lengths at the start of the step come from those at its end by series in the change of the squared distance, which is
+    zero then; errors are of its fourth power. `ratio` is 2 tan(|turn| / 2) / |turn|.
     """
     before = minus(b, d)
     distance = math.sqrt(dot(b, b))
@@ -125,12 +138,24 @@ def touch_in_space(b, d, turn_i, turn_j, rate, spin_i, spin_j, radius_i, radius_
     half = 0.25 * distance * change * (1.0 + change * (0.25 + change * (0.125 + 0.078125 * change)))
     inverse_before = inverse * (1.0 + change * (0.5 + change * (0.375 + change * (0.3125 + 0.2734375 * change))))
     n, n_before = scaled(inverse, b), scaled(inverse_before, before)
+    ratio_i, ratio_j = tangent_ratio(0.25 * dot(turn_i, turn_i)), tangent_ratio(0.25 * dot(turn_j, turn_j))
+    _, (sine, cosine), middle, _, share = turning(scaled(0.5, plus(turn_i, turn_j)), n_before, n)
+    return (*n, *n_before, distance, inverse, half, ratio_i, ratio_j, sine, cosine, *middle, share)
+
+
+@njit(**INLINE)
+def touch_in_space(frame, turn_i, turn_j, rate, spin_i, spin_j, radius_i, radius_j, mass):
+    """Touch of two spheres; arguments as in the plane, all vectors of three.
+
+    Rotations enter as 2 tan(|turn| / 2) / |turn| turn, with which a rigid rotation of any size causes no sliding.
+    """
+    x, y, z, ox, oy, oz, distance, inverse, half, ratio_i, ratio_j, sine, cosine, mx, my, mz, share = frame
+    n, n_before = (x, y, z), (ox, oy, oz)
     overlap = radius_i + radius_j - distance
     arm_i = radius_i - 0.5 * overlap
     arm_j = distance - arm_i
     mean_i, mean_j = arm_i - 0.5 * half, arm_j - 0.5 * half
-    tangent_i = scaled(tangent_ratio(0.25 * dot(turn_i, turn_i)), turn_i)
-    tangent_j = scaled(tangent_ratio(0.25 * dot(turn_j, turn_j)), turn_j)
+    tangent_i, tangent_j = scaled(ratio_i, turn_i), scaled(ratio_j, turn_j)
     middle = scaled(0.5, plus(n, n_before))
     slide = moved(
         scaled(mean_i + mean_j, minus(n, n_before)), -1.0, cross(moved(scaled(mean_i, tangent_i), mean_j, tangent_j), middle)
@@ -146,5 +171,5 @@ def touch_in_space(b, d, turn_i, turn_j, rate, spin_i, spin_j, radius_i, radius_
     return Touch(
         overlap, opening, slide, slide_rate, moved(roll, -twist, n), moved(relative, -twist_rate, n), twist, twist_rate,
         mean_i * mean_j * inverse_mean, arm_i * arm_j * inverse, n, distance, (radius_i, radius_j), mass,
-        turning(scaled(0.5, plus(turn_i, turn_j)), n_before, n),
+        (scaled(0.5, plus(turn_i, turn_j)), (sine, cosine), (mx, my, mz), n, share),
     )  # fmt: skip

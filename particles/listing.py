@@ -66,8 +66,7 @@ def rebuild(soil: Assembly) -> None:
     soil._system = system._replace(**changed)
     soil.rebuilds += 1
     set_contact_constants(soil)
-    if soil._held:
-        soil._compose_held()
+    soil._place_held()
 
 
 def _fit_skin(soil: Assembly) -> None:

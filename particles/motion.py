@@ -292,7 +292,7 @@ def stale(system):
     clock = system.clock
     if clock[TRAVEL] <= clock[TRAVEL_LIMIT]:
         age = clock[AGE]
-        if age != 32.0 and age != 512.0:
+        if age != 8.0 and age != 64.0 and age != 512.0:
             return False
         return fitting_skin(clock) < clock[TRAVEL_LIMIT]  # half of the present one
     clock[TRAVEL] = max(travelled(system.position, system.listed, system.cell), walls_travel(system.walls))

@@ -15,7 +15,7 @@ from numba.extending import overload
 
 from particles.columns import STRIDE
 from particles.system import INLINE
-from particles.vectors import cross, dot, head, minus, moved, plus, scaled, tail
+from particles.vectors import cross, dot, head, moved, plus, scaled, tail
 
 NAMED = (types.NamedTuple, types.NamedUniTuple)  # types of named tuples in compiled code
 FLAT = 1e300  # radius of a wall, m (infinity would not do in fast arithmetic)
@@ -121,11 +121,12 @@ def _absent(channel, old, increment, rate, normal, touching):
 def _limited_vector(channel, old, increment, rate, normal, touching):
     limit = channel.friction * normal
     trial = moved(old, channel.stiffness, increment)
-    size = math.sqrt(dot(trial, trial))
-    slips = size > limit
-    new = scaled(limit / size if slips else 1.0, trial)
-    total, power = dashpot(channel.damping, new, rate, limit, slips)
-    work = max(0.0, 0.5 * dot(plus(old, new), minus(trial, new)) / channel.stiffness)
+    square = dot(trial, trial)
+    slips = square > limit * limit
+    kept = limit / math.sqrt(square) if slips else 1.0
+    new = scaled(kept, trial)
+    total, power = dashpot(channel.damping, new, trial, rate, limit, slips)
+    work = max(0.0, 0.5 * (1.0 - kept) * (dot(old, trial) + kept * square) / channel.stiffness)
     lost = 0.5 * dot(old, old) / channel.stiffness
     return new, total, work if touching else 0.0, power, 0.0 if touching else lost
 
@@ -134,7 +135,7 @@ def _limited_number(channel, old, increment, rate, normal, touching):
     limit = channel.friction * normal
     trial = old[0] + channel.stiffness * increment[0]
     new = min(max(trial, -limit), limit)
-    total, power = dashpot(channel.damping, (new,), rate, limit, new != trial)
+    total, power = dashpot(channel.damping, (new,), (trial,), rate, limit, new != trial)
     work = max(0.0, 0.5 * (old[0] + new) * (trial - new) / channel.stiffness)
     lost = 0.5 * old[0] * old[0] / channel.stiffness
     return (new,), total, work if touching else 0.0, power, 0.0 if touching else lost
@@ -147,30 +148,33 @@ def _limited(channel, old, increment, rate, normal, touching):
     return _limited_number if len(increment) == 1 else _limited_vector
 
 
-def dashpot(damping, spring, rate, limit, slips):
-    """Spring and dashpot together, the latter cut where the sum would pass the limit; the dashpot's power."""
-    return (spring, 0.0) if damping is None else _dashpot_vector(damping, spring, rate, limit, slips)
+def dashpot(damping, spring, trial, rate, limit, slips):
+    """Spring and dashpot together, the latter cut where the sum would pass the limit; the dashpot's power.
+
+    Where it slips there is no dashpot; elsewhere the spring carries its `trial`, which is known earlier.
+    """
+    return (spring, 0.0) if damping is None else _dashpot_vector(damping, spring, trial, rate, limit, slips)
 
 
-def _dashpot_vector(damping, spring, rate, limit, slips):
+def _dashpot_vector(damping, spring, trial, rate, limit, slips):
     part = scaled(damping, rate)
-    square, mixed = dot(part, part), dot(spring, part)
-    room = max(0.0, limit * limit - dot(spring, spring))
+    square, mixed = dot(part, part), dot(trial, part)
+    room = max(0.0, limit * limit - dot(trial, trial))
     share = (math.sqrt(mixed * mixed + square * room) - mixed) / square if square > 0.0 else 1.0
     share = 0.0 if slips else min(1.0, share)
     return moved(spring, share, part), share * dot(part, rate)
 
 
-def _dashpot_number(damping, spring, rate, limit, slips):
+def _dashpot_number(damping, spring, trial, rate, limit, slips):
     wanted = spring[0] + (0.0 if slips else damping * rate[0])
     total = min(max(wanted, -limit), limit)
     return (total,), (total - spring[0]) * rate[0]
 
 
 @overload(dashpot)
-def _dashpot(damping, spring, rate, limit, slips):
+def _dashpot(damping, spring, trial, rate, limit, slips):
     if isinstance(damping, types.NoneType):
-        return lambda damping, spring, rate, limit, slips: (spring, 0.0)
+        return lambda damping, spring, trial, rate, limit, slips: (spring, 0.0)
     return _dashpot_number if len(spring) == 1 else _dashpot_vector
 
 

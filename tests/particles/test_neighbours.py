@@ -124,9 +124,9 @@ def test_skin_that_is_not_given_follows_the_speed():
     """s^2 = 10 v r: thin where a list lasts long anyway, thicker where it is soon used up; one given by the caller stays."""
     slow = _drifting(1e-5)
     before, skin = slow.rebuilds, slow.skin
-    slow.advance(31, 1e-6)
+    slow.advance(7, 1e-6)
     assert slow.rebuilds == before and slow.skin == skin
-    slow.advance(100, 1e-6)
+    slow.advance(124, 1e-6)
     assert slow.rebuilds == before + 1
     assert slow.skin == pytest.approx(0.05 * np.sqrt(10.0 * 1e-5), rel=0.2)  # contacts slow the discs down meanwhile
     fast = _drifting(5e-3)
