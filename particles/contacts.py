@@ -23,11 +23,11 @@ _TURN, _REDUCED = 9 * STRIDE, 10 * STRIDE
 _CHANGE, _ANGULAR_OWN = 11 * STRIDE, 15 * STRIDE  # accelerations, where there are dashpots
 _SPIN_MORE, _SPIN = 16 * STRIDE, 20 * STRIDE  # in space
 _ANGULAR_MORE, _ANGULAR = 23 * STRIDE, 27 * STRIDE
-_FRAME, _DRIFT = 30 * STRIDE, 47 * STRIDE  # `SPACE` or `PLANE` of the kinematics; velocity of the image of j
+_FRAME, _DRIFT = 30 * STRIDE, 44 * STRIDE  # `SPACE` or `PLANE` of the kinematics; velocity of the image of j
 # In place of the frame: force on i, torque on i and on j (in the plane: force and torque, and minus those on j)
 _FORCE, _TORQUE, _OTHER = _FRAME, _FRAME + 3 * STRIDE, _FRAME + 6 * STRIDE
-_IMAGE = 50 * STRIDE  # power of the moving cell
-_SPENT = 51 * STRIDE
+_IMAGE = 47 * STRIDE  # power of the moving cell
+_SPENT = 48 * STRIDE
 _HISTORY = _SPENT + SPENT * STRIDE
 HISTORIES, NUMBERS = 24, 40  # most columns of history, most numbers in a law
 _NUMBERS = _HISTORY + HISTORIES * STRIDE

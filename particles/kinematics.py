@@ -16,7 +16,7 @@ from particles.system import INLINE
 from particles.vectors import cross, dot, minus, moved, plus, scaled
 
 PLANE = (0.0,) * 6  # normal; distance, one over it; half of its change in the step; angle by which the normal turned
-SPACE = (0.0,) * 17  # normals at both ends; distance, one over it, half of its change; ratios of i and j; then as `turning`
+SPACE = (0.0,) * 14  # normals at both ends; distance, one over it, half of its change; ratios of i and j; then as `turning`
 
 
 @njit(**INLINE)
@@ -50,33 +50,23 @@ def tangent_ratio(square):
 
 
 @njit(**INLINE)
-def sines(square):
-    """sin(x) / x and (1 - cos x) / x^2 of x^2 = `square`, Taylor: errors below 1e-12 up to x = 1."""
-    sine = 1.0 / 362880.0 + square * (-1.0 / 39916800.0 + square / 6227020800.0)
-    sine = 1.0 + square * (-1.0 / 6.0 + square * (1.0 / 120.0 + square * (-1.0 / 5040.0 + square * sine)))
-    cosine = 1.0 / 3628800.0 + square * (-1.0 / 479001600.0 + square / 87178291200.0)
-    cosine = 0.5 + square * (-1.0 / 24.0 + square * (1.0 / 720.0 + square * (-1.0 / 40320.0 + square * cosine)))
-    return sine, cosine
+def turning(tangents, old_normal, normal):
+    """How tangential vectors turn with a pair, for `particles.laws.touch.carried`: about the old normal, then on with it.
 
-
-@njit(**INLINE)
-def turning(rotation, old_normal, normal):
-    """How tangential vectors turn with a pair, for `particles.laws.touch.carried`: by `rotation`, then on with the normal.
+    About the normal they turn as both bodies do in the mean: exactly so for a rigid rotation of any size, and to the second
+    order in the step for any other motion.
 
     Args:
-        rotation: (3,), half the sum of the rotations of both bodies, rad; at most 1.
+        tangents: sum of the rotations of both bodies, each as 2 tan(|turn| / 2) / |turn| turn.
         old_normal, normal: at the start and at the end of the step.
 
     Returns:
-        Rotation, sin(x) / x and (1 - cos x) / x^2 of its angle; where it takes the old normal; the new one; one over (1 + the
-        product of the two), by a series whose error is the fifth power of the square of half their angle.
+        Old normal; sine and cosine of the angle about it; the new one; one over (1 + the product of the two).
     """
-    sine, cosine = sines(dot(rotation, rotation))
-    crossed = cross(rotation, old_normal)
-    middle = moved(moved(old_normal, sine, crossed), cosine, cross(rotation, crossed))
-    short = 0.5 * (1.0 - dot(middle, normal))
-    share = 0.5 + 0.5 * short * (1.0 + short * (1.0 + short * (1.0 + short)))
-    return rotation, (sine, cosine), middle, normal, share
+    tangent = 0.125 * dot(tangents, plus(old_normal, normal))
+    square = tangent * tangent
+    less = 1.0 / (1.0 + square)
+    return old_normal, (2.0 * tangent * less, (1.0 - square) * less), normal, 1.0 / (1.0 + dot(old_normal, normal))
 
 
 @njit(**INLINE)
@@ -139,8 +129,9 @@ def frame_in_space(b, d, turn_i, turn_j):
     inverse_before = inverse * (1.0 + change * (0.5 + change * (0.375 + change * (0.3125 + 0.2734375 * change))))
     n, n_before = scaled(inverse, b), scaled(inverse_before, before)
     ratio_i, ratio_j = tangent_ratio(0.25 * dot(turn_i, turn_i)), tangent_ratio(0.25 * dot(turn_j, turn_j))
-    _, (sine, cosine), middle, _, share = turning(scaled(0.5, plus(turn_i, turn_j)), n_before, n)
-    return (*n, *n_before, distance, inverse, half, ratio_i, ratio_j, sine, cosine, *middle, share)
+    tangents = moved(scaled(ratio_i, turn_i), ratio_j, turn_j)
+    _, (sine, cosine), _, share = turning(tangents, n_before, n)
+    return (*n, *n_before, distance, inverse, half, ratio_i, ratio_j, sine, cosine, share)
 
 
 @njit(**INLINE)
@@ -149,7 +140,7 @@ def touch_in_space(frame, turn_i, turn_j, rate, spin_i, spin_j, radius_i, radius
 
     Rotations enter as 2 tan(|turn| / 2) / |turn| turn, with which a rigid rotation of any size causes no sliding.
     """
-    x, y, z, ox, oy, oz, distance, inverse, half, ratio_i, ratio_j, sine, cosine, mx, my, mz, share = frame
+    x, y, z, ox, oy, oz, distance, inverse, half, ratio_i, ratio_j, sine, cosine, share = frame
     n, n_before = (x, y, z), (ox, oy, oz)
     overlap = radius_i + radius_j - distance
     arm_i = radius_i - 0.5 * overlap
@@ -160,6 +151,7 @@ def touch_in_space(frame, turn_i, turn_j, rate, spin_i, spin_j, radius_i, radius
     slide = moved(
         scaled(mean_i + mean_j, minus(n, n_before)), -1.0, cross(moved(scaled(mean_i, tangent_i), mean_j, tangent_j), middle)
     )
+    slide = moved(slide, -dot(slide, n), n)  # the mean normal leaves a little along the new one, of the step's square
     roll = minus(tangent_i, tangent_j)
     twist = dot(roll, n)
     relative = minus(spin_i, spin_j)
@@ -171,5 +163,5 @@ def touch_in_space(frame, turn_i, turn_j, rate, spin_i, spin_j, radius_i, radius
     return Touch(
         overlap, opening, slide, slide_rate, moved(roll, -twist, n), moved(relative, -twist_rate, n), twist, twist_rate,
         mean_i * mean_j * inverse_mean, arm_i * arm_j * inverse, n, distance, (radius_i, radius_j), mass,
-        (scaled(0.5, plus(turn_i, turn_j)), (sine, cosine), (mx, my, mz), n, share),
+        (n_before, (sine, cosine), n, share),
     )  # fmt: skip

@@ -74,11 +74,10 @@ def carried(turn, vector):
 
 
 def _turned(turn, vector):
-    """Turn by half the sum of both rotations (Rodrigues), then by the smallest rotation from the normal so turned to n."""
-    rotation, (sine, cosine), middle, normal, share = turn
-    across = cross(rotation, vector)
-    once = moved(moved(vector, sine, across), cosine, cross(rotation, across))
-    return moved(once, -share * dot(normal, once), plus(middle, normal))
+    """Turn about the old normal, then by the smallest rotation from the old normal to the new one."""
+    old_normal, (sine, cosine), normal, share = turn
+    once = moved(scaled(cosine, vector), sine, cross(old_normal, vector))
+    return moved(once, -share * dot(normal, once), plus(old_normal, normal))
 
 
 @overload(carried)

@@ -271,7 +271,7 @@ def _increments(near, k, body, owner, arm, shift, turn):
     roll = moved(own, -2.0, row_vector(body, owner, CAYLEY))
     middle = scaled(0.5, plus(normal, old_normal))
     slide = minus(moved(scaled(mean, minus(normal, old_normal)), -mean, cross(roll, middle)), travel)
-    return slide, mean, roll, old_normal
+    return moved(slide, -dot(slide, normal), normal), mean, roll, old_normal
 
 
 @njit(**INLINE)
@@ -286,9 +286,10 @@ def _rates(normal, distance, body, owner, arm, velocity, spin):
 
 @njit(**INLINE)
 def _carrying(normal, old_normal, turn, body, owner):
-    """How tangential vectors turn in the step, as for a pair: half the sum of both rotations, then with the normal."""
-    before = plus(old_normal, turned_by(scaled(-1.0, row_vector(body, owner, CAYLEY)), old_normal))
-    return turning(scaled(0.5, plus(turn, row_vector(body, owner, INCREMENT + 3))), before, normal)
+    """How tangential vectors turn in the step, as for a pair."""
+    cayley = row_vector(body, owner, CAYLEY)
+    before = plus(old_normal, turned_by(scaled(-1.0, cayley), old_normal))
+    return turning(moved(scaled(tangent_ratio(0.25 * dot(turn, turn)), turn), 2.0, cayley), before, normal)
 
 
 @njit(**INLINE)

@@ -75,13 +75,12 @@ def _rotation(vector):
 
 
 def _carry(vector, n0, n, turn_i, turn_j):
-    """Turn a tangential vector by half the sum of both rotations, then by the smallest one to the new normal.
-
-    The latter as it acts on vectors across the old normal, so that the little of the last increment along it goes away.
-    """
-    half = _rotation(0.5 * (turn_i + turn_j))
-    once, middle = half @ vector, half @ n0
-    return once - (n @ once) / (1.0 + middle @ n) * (middle + n)
+    """Turn a tangential vector about the old normal as both bodies do in the mean, then by the smallest rotation to the new one."""
+    mean = 0.5 * (_tangent(turn_i) + _tangent(turn_j)) @ (0.5 * (n0 + n))
+    swing = np.cross(n0, n)
+    size = np.linalg.norm(swing)
+    smallest = np.arctan2(size, n0 @ n) / size * swing if size > 0.0 else swing
+    return _rotation(smallest) @ _rotation(2.0 * np.arctan(0.5 * mean) * n0) @ vector
 
 
 def _tangent(turn):
@@ -126,6 +125,7 @@ def advance_spheres(positions, radii, masses, velocities, law, step, steps):
                 radius, mean_radius = arms.prod() / d, mean.prod() / mean.sum()
                 tau_i, tau_j = _tangent(turns[i]), _tangent(turns[j])
                 slide = mean.sum() * (n - n0) - np.cross(mean[0] * tau_i + mean[1] * tau_j, (n + n0) / 2)
+                slide -= (slide @ n) * n
                 twist, roll = (tau_i - tau_j) @ n, (tau_i - tau_j) - ((tau_i - tau_j) @ n) * n
                 rate = v_end[j] - v_end[i]
                 slide_rate = rate - (rate @ n) * n - np.cross(arms[0] * spin_end[i] + arms[1] * spin_end[j], n)

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from particles import Assembly, LiChu
-from particles.kinematics import sines, tangent_ratio
+from particles.kinematics import tangent_ratio, turning
 from particles.laws import Bonded, HertzMindlin, Response, UserLaw, kernel, linear_sliding
 from particles.laws.touch import Channel, carried, limited
 from particles.network import contacts, evaluate, stored
@@ -199,9 +199,34 @@ def test_accuracy_of_functions_of_small_angles():
     """For turns of up to 1 rad in a step; a particle that turns by more is taken for a runaway."""
     x = np.linspace(1e-9, 0.5, 200)
     np.testing.assert_allclose(tangent_ratio.py_func(x * x), np.tan(x) / x, rtol=2e-14)
-    sine, cosine = sines.py_func(4.0 * x * x)
-    np.testing.assert_allclose(sine, np.sin(2.0 * x) / (2.0 * x), rtol=1e-12)
-    np.testing.assert_allclose(cosine, 0.5 * (np.sin(x) / x) ** 2, rtol=1e-12)
+
+
+def _carried_along(steps):
+    """A tangential vector taken along one second of a motion in which the normal does not go with the spins."""
+    def normal(t):
+        n = np.array([np.cos(1.3 * t), np.sin(0.9 * t), 0.4 * np.cos(2.0 * t)])
+        return tuple(n / np.linalg.norm(n))
+
+    step, n = 1.0 / steps, normal(0.0)
+    vector = tuple(np.cross(n, [0.3, -0.5, 0.8]))
+    for k in range(steps):
+        middle = (k + 0.5) * step
+        turns = [step * np.array([0.7, np.sin(middle), -0.6]), step * np.array([np.cos(3.0 * middle), -1.1, 0.8])]
+        tangents = sum(2.0 * np.tan(0.5 * size) / size * turn for turn in turns for size in [np.linalg.norm(turn)])
+        after = normal((k + 1) * step)
+        vector, n = carried(turning.py_func(tuple(tangents), n, after), vector), after
+    return np.array(vector), np.array(n)
+
+
+def test_tangential_vectors_are_carried_to_the_second_order_with_their_length():
+    exact, n = _carried_along(3200)
+    assert abs(exact @ n) < 1e-12 * np.linalg.norm(exact)
+    errors = []
+    for steps in (25, 50, 100):
+        vector, _ = _carried_along(steps)
+        np.testing.assert_allclose(np.linalg.norm(vector), np.linalg.norm(exact), rtol=1e-12)
+        errors.append(np.linalg.norm(vector - exact))
+    assert np.log2(errors[0] / errors[1]) > 1.9 and np.log2(errors[1] / errors[2]) > 1.9
 
 
 @every_law
