@@ -35,7 +35,8 @@ class ParticleSide:
             return
         self._generation = self.soil.generation
         rows, self._row_ids = np.asarray(self.soil.rows), np.asarray(self.soil.ids)
-        self._reference = np.ascontiguousarray(np.hstack([self.soil.reference, np.zeros((self.soil.count, 1))])[self._row_ids])
+        turning = np.zeros((self.soil.count, 3 - self.soil.axes))
+        self._reference = np.ascontiguousarray(np.hstack([self.soil.reference, turning])[self._row_ids])
         self._order(rows, self._row_ids)
 
     def _order(self, rows, order) -> None:
@@ -74,7 +75,7 @@ class ParticleSide:
                 return first
 
     def reference(self) -> Array:
-        """Reference positions and angle zero (n, 3), row order."""
+        """Reference positions and, in the plane, angle zero (n, 3), row order."""
         return self._reference
 
     def _sums(self) -> dict[str, float]:
