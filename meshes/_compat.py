@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 
+import basix
 import numpy as np
 
 
@@ -15,8 +16,8 @@ def facet_vertices(mesh, facets: np.ndarray) -> np.ndarray:
     """
     topology, of_facets = mesh.topology, mesh.topology.dim - 1
     topology.create_connectivity(of_facets, 0)
-    links = topology.connectivity(of_facets, 0)
-    return vertex_coordinates(mesh)[links.array.reshape(-1, links.offsets[1])[facets]]
+    corners = len(basix.topology(getattr(basix.CellType, topology.cell_name()))[of_facets][0])
+    return vertex_coordinates(mesh)[topology.connectivity(of_facets, 0).array.reshape(-1, corners)[facets]]
 
 
 def vertex_coordinates(mesh) -> np.ndarray:
