@@ -48,6 +48,8 @@ class Overlap:
         step: Coarse time step, s.
         substeps: Particle steps in a coarse step.
         mass_damping: c_m of both, 1/s.
+        vector_damping: (alpha, alpha_r) of the particles that do not follow the mesh: force -alpha |F| v / |v| and moment
+            -alpha_r |T| w / |w| (eqs 25-26); with "lagrange" only.
 
     Supports, loads and gravity of the body and external forces of the particles must be set before; gravity is the body's and
     acts on the particles too.
@@ -68,6 +70,7 @@ class Overlap:
         step: float,
         substeps: int = 1,
         mass_damping: float = 0.0,
+        vector_damping: tuple[float, float] | None = None,
     ):
         if constraint not in CONSTRAINTS:
             raise ValueError(f"constraint={constraint!r} must be one of {', '.join(CONSTRAINTS)}")
@@ -82,6 +85,8 @@ class Overlap:
         for name, value, least in (("step", step, 1), ("penalty", penalty, 1), ("mass_damping", mass_damping, 0)):
             if not (np.isfinite(value) and value >= 0.0 and (value > 0.0 or not least)):
                 raise ValueError(f"{name}={value} must be {'positive' if least else 'zero or positive'} and finite")
+        if vector_damping is not None and constraint != "lagrange":
+            raise ValueError(f"vector_damping={vector_damping} goes with constraint='lagrange' only; leave it out with springs")
         if body.share is not zone:
             raise ValueError("the body does not leave the zone's share to the particles: make it with share=zone, the same zone")
         on_every_rank(body.comm, lambda: _check_axes(body, soil))
@@ -97,7 +102,7 @@ class Overlap:
         if constraint == "penalty":
             springs = penalty * self.tie.spring_shares(normal_stiffness(soil), soil.radii)
         gravity = body.gravity_acceleration
-        self.fine = ZoneParticles(soil, self.tie, springs, self.step / self.substeps, mass_damping, gravity)
+        self.fine = ZoneParticles(soil, self.tie, springs, self.step / self.substeps, mass_damping, gravity, vector_damping)
         self._revision = body.boundaries.revision
         self.rule = OverlapRule(self)
         self._check_steps()
@@ -172,7 +177,7 @@ class Overlap:
         terms = self._terms()
         result = {name: terms[name] - self._initial[name] for name in terms}
         stored = sum(result[name] for name in ("kinetic", "elastic", "strain", "penalty"))
-        lost = sum(result[name] for name in ("friction", "viscous", "contact_loss", "mass_damping", "interface"))
+        lost = sum(result[name] for name in ("friction", "viscous", "contact_loss", "mass_damping", "local_damping", "interface"))
         result["balance"] = stored + lost - result["external"] - result.pop("stepping")
         return result
 

@@ -29,14 +29,18 @@ class ZoneParticles(ParticleSide):
         step: Particle time step, s.
         mass_damping: c_m, 1/s.
         gravity: m/s2.
+        vector_damping: (alpha, alpha_r) of the particles that are not eliminated, or None.
     """
 
     ENERGY_NAMES = (
-        "kinetic", "elastic", "friction", "viscous", "contact_loss", "mass_damping", "external", "penalty", "stepping",
+        "kinetic", "elastic", "friction", "viscous", "contact_loss", "mass_damping", "local_damping", "external", "penalty",
+        "stepping",
     )  # fmt: skip
 
-    def __init__(self, soil, tie: Tie, stiffness: Array | None, step: float, mass_damping: float, gravity):
-        super().__init__(soil, step, mass_damping, gravity)
+    def __init__(
+        self, soil, tie: Tie, stiffness: Array | None, step: float, mass_damping: float, gravity, vector_damping=None
+    ):
+        super().__init__(soil, step, mass_damping, gravity, vector_damping)
         self.tie, self.eliminated, self._axes = tie, stiffness is None, len(gravity)
         shape, width = tie.tied.shape, len(tie.exchange.nodes)
         self.all_masses = by_component(soil.masses, soil.inertias, self._axes)  # (n, f)
