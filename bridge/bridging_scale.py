@@ -61,7 +61,7 @@ class BridgingScale:
     ):
         if variant not in VARIANTS:
             raise ValueError(f"variant={variant!r} must be one of {', '.join(VARIANTS)}")
-        if body.components != 3:
+        if not body.turns:
             raise ValueError("the bridging scale needs a Cosserat body: particle rotations follow its micro-rotation")
         if int(substeps) != substeps or substeps < 1:
             raise ValueError(f"substeps={substeps} must be a whole number of at least 1")

@@ -57,6 +57,8 @@ def growth(coupled, *, contact_range: float = 1e-6, vectors: int = 24, seed: int
         vectors: Size of the Krylov space.
         seed: Of the start vector.
     """
+    if coupled.body.axes == 3:
+        raise ValueError("the growth test is plane: take steps below `critical_step` in space")
     soil = coupled.soil
     stiffness = soil.stiffness_matrix(contact_range=contact_range) if soil.count else None
     scale = coupled.step

@@ -21,10 +21,12 @@ class ParticleSide:
         step: Particle time step, s.
         mass_damping: c_m, 1/s.
         gravity: m/s2.
+        vector_damping: (alpha, alpha_r) against the motion of the particles, as in `Assembly.terms`, or None.
     """
 
-    def __init__(self, soil, step: float, mass_damping: float, gravity):
+    def __init__(self, soil, step: float, mass_damping: float, gravity, vector_damping=None):
         self.soil, self.step, self.mass_damping, self._gravity = soil, step, mass_damping, gravity
+        self._loads = {"mass_damping": mass_damping, "gravity": gravity, "vector_damping": vector_damping}
         self.linear: Linear | None = None
         self._led: Any = None  # the led particles as the loops see them, in the present row order
         self._generation = -1
@@ -35,7 +37,8 @@ class ParticleSide:
             return
         self._generation = self.soil.generation
         rows, self._row_ids = np.asarray(self.soil.rows), np.asarray(self.soil.ids)
-        self._reference = np.ascontiguousarray(np.hstack([self.soil.reference, np.zeros((self.soil.count, 1))])[self._row_ids])
+        turning = np.zeros((self.soil.count, 3 - self.soil.axes))
+        self._reference = np.ascontiguousarray(np.hstack([self.soil.reference, turning])[self._row_ids])
         self._order(rows, self._row_ids)
 
     def _order(self, rows, order) -> None:
@@ -56,7 +59,7 @@ class ParticleSide:
 
     def _prepare(self, steps: int) -> None:
         if self.linear is None:
-            self._terms = self.soil.prepare(self.step, steps, mass_damping=self.mass_damping, gravity=self._gravity)[1]
+            self._terms = self.soil.prepare(self.step, steps, **self._loads)[1]
             self._arrange()
 
     def run_loop(
@@ -74,7 +77,7 @@ class ParticleSide:
                 return first
 
     def reference(self) -> Array:
-        """Reference positions and angle zero (n, 3), row order."""
+        """Reference positions and, in the plane, angle zero (n, 3), row order."""
         return self._reference
 
     def _sums(self) -> dict[str, float]:
@@ -86,5 +89,6 @@ class ParticleSide:
         works = ("gravity_work", "external_work", "wall_work", "held_work")
         return together | {
             "kinetic": sums["kinetic"], "viscous": sums["viscous"], "contact_loss": sums["contact_loss"] + sums["breaking"],
-            "mass_damping": sums["mass_damping"], "external": sum(sums[name] for name in works),
+            "mass_damping": sums["mass_damping"], "local_damping": sums["local_damping"],
+            "external": sum(sums[name] for name in works),
         }  # fmt: skip

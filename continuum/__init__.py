@@ -1,4 +1,4 @@
-"""Continuum half: plane-strain Cauchy and Cosserat bodies on dolfinx, explicit in time."""
+"""Continuum half: Cauchy bodies in plane strain and in space, Cosserat bodies in plane strain; dolfinx, explicit in time."""
 
 from .body import Body
 from .materials import Cauchy, Cosserat, CosseratModuli

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import warnings
 
 import basix
 import dolfinx
@@ -22,10 +23,12 @@ except ImportError:
 
 @contextlib.contextmanager
 def _quiet():
-    """Keep the just-in-time compiler's build log (level INFO) away from the user."""
+    """Keep the just-in-time compiler's build log (level INFO), and its advice against 125 points a cell, away from the user."""
     logging.disable(logging.INFO)
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Number of integration points")
+            yield
     finally:
         logging.disable(logging.NOTSET)
 
@@ -48,16 +51,19 @@ def broken_space(mesh, components: int):
     """As `nodal_space`, but every cell has nodes of its own: its matrices are block diagonal."""
     if _HAS_BASIX_UFL:
         return _space(mesh, basix.ufl.element("DG", mesh.basix_cell(), 1, shape=(components,)))
-    family = "DQ" if mesh.ufl_cell().cellname() == "quadrilateral" else "DG"
-    return _space(mesh, ufl.VectorElement(family, mesh.ufl_cell(), 1, components))
+    return _space(mesh, ufl.VectorElement(_broken_family(mesh), mesh.ufl_cell(), 1, components))
 
 
 def cell_space(mesh):
     """One value a cell."""
     if _HAS_BASIX_UFL:
         return _space(mesh, basix.ufl.element("DG", mesh.basix_cell(), 0))
-    family = "DQ" if mesh.ufl_cell().cellname() == "quadrilateral" else "DG"
-    return _space(mesh, ufl.FiniteElement(family, mesh.ufl_cell(), 0))
+    return _space(mesh, ufl.FiniteElement(_broken_family(mesh), mesh.ufl_cell(), 0))
+
+
+def _broken_family(mesh) -> str:
+    """Name of the discontinuous family in ufl (until 0.6)."""
+    return "DQ" if mesh.ufl_cell().cellname() in ("quadrilateral", "hexahedron") else "DG"
 
 
 def quadrature_space(mesh, degree: int):
@@ -68,7 +74,7 @@ def quadrature_space(mesh, degree: int):
 
 
 def quadrature_rule(cell_name: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (q, 2) and weights (q,) of the default rule on the reference cell."""
+    """Points (q, axes) and weights (q,) of the default rule on the reference cell."""
     cell = getattr(basix.CellType, cell_name)
     if hasattr(basix, "MixedElement") or not _HAS_BASIX_UFL:  # until 0.5 the rule's type came first
         try:
@@ -87,7 +93,12 @@ def cell_nodes(space) -> np.ndarray:
 
 def geometry_nodes(mesh) -> np.ndarray:
     """Rows of `mesh.geometry.x` (cells, nodes per cell), ghost cells included."""
-    return _table(mesh.geometry.dofmap, 3 if mesh.topology.cell_name() == "triangle" else 4)
+    return _table(mesh.geometry.dofmap, len(basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))[0]))
+
+
+def facet_corners(cell_name: str) -> list[list[int]]:
+    """Corners of each facet of a cell, in the order of the reference cell."""
+    return basix.topology(getattr(basix.CellType, cell_name))[-2]
 
 
 def _table(links, width: int) -> np.ndarray:
@@ -127,7 +138,7 @@ def cells_near(mesh, cells: np.ndarray, points: np.ndarray, padding: float) -> t
     if len(cells) == 0 or len(points) == 0:
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
     places = np.zeros((len(points), 3))
-    places[:, :2] = points
+    places[:, : points.shape[1]] = points
     cells = np.asarray(cells, dtype=np.int32)
     if hasattr(geometry, "bb_tree"):  # since 0.7
         tree = geometry.bb_tree(mesh, mesh.topology.dim, entities=cells, padding=padding)

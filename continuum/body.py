@@ -1,7 +1,7 @@
 """A deformable body on a dolfinx mesh: state, lumped mass, internal and external forces.
 
-Arrays of nodes have the shape (n_owned, components), components (x, y[, rotation]), SI units, per metre of thickness;
-they hold the nodes that this rank owns. Calls marked collective must be made by every rank.
+Arrays of nodes have the shape (n_owned, components), components (x, y[, rotation]), per metre of thickness, or (x, y, z)
+where the mesh is one of volume elements; SI units. They hold the nodes that this rank owns. Calls marked collective must be made by every rank.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from petsc4py import PETSc
 from . import _compat, boundaries, cells, cuts, fields, forms, location, motion, shares, stability
 from .materials import Material
 
-DEGREE = {3: 2, 4: 3}  # quadrature degree by nodes a cell: three points, or 2 x 2 points
+DEGREE = {"triangle": 2, "quadrilateral": 3, "tetrahedron": 2, "hexahedron": 3}  # quadrature: 3, 2 x 2, 4, 2 x 2 x 2 points
 MASSLESS = 1e-12  # of the largest nodal mass; below it a component does not move by itself
 
 
 class Body:
-    """Plane-strain body of one linear material, with nodal displacements (and rotations of a Cosserat material).
+    """Body of one linear material, with nodal displacements (and rotations of a Cosserat material).
+
+    In plane strain on a plane mesh, in space on one of tetrahedra or hexahedra (`axes` 2 or 3; Cauchy only, nothing excluded).
 
     Args:
         domain: mesh with named facets (`mesh`, `facets(name)`), as made by `meshes.domains`.
@@ -35,7 +37,7 @@ class Body:
         particle_radius: radius r (m) of the discs; needed for "physical".
         excluded: region whose part of all integrals (stiffness, mass, loads) is left out (all of it allowed): exact where it has
             `corners` (a convex polygon, such as a Box), else by 16 x 16 sub-cells a cell.
-        share: function of points (n, 2) giving the part (n,) of all integrals that the body carries, 0 to 1, where particles
+        share: function of points (n, axes) giving the part (n,) of all integrals that the body carries, 0 to 1, where particles
             carry the rest (such as `bridge.OverlapZone`); instead of `excluded`.
 
     Construction is collective.
@@ -55,28 +57,32 @@ class Body:
         self.domain, self.material, self.excluded, self.share = domain, material, excluded, share
         self.mesh = domain.mesh
         self.comm = self.mesh.comm
-        self.components = material.components
+        self.axes, self.turns = self.mesh.topology.dim, material.turns
+        if self.axes == 3:
+            _check_in_space(material, excluded)
+        self.moduli = material.stiffness if self.axes == 2 else material.stiffness_in(3)  # type: ignore[union-attr]
+        self.components = self.axes + int(self.turns)
         self.time = 0.0
 
         self.space = _compat.nodal_space(self.mesh, self.components)
         index_map = self.space.dofmap.index_map
         self.count = index_map.size_local
         self.owned_range = tuple(int(i) for i in index_map.local_range)
-        owned_cells = self.mesh.topology.index_map(2).size_local
+        owned_cells = self.mesh.topology.index_map(self.axes).size_local
         self._all_nodes = _compat.cell_nodes(self.space)
         self.cell_nodes = self._all_nodes[:owned_cells]
         self.all_coordinates = self._node_places()
         self.coordinates = self.all_coordinates[: self.count]
         self.cell_corners = self.all_coordinates[self.cell_nodes]
-        area, number = cells.areas(self.cell_corners).sum(), len(self.cell_corners)
-        self.cell_size = float(np.sqrt(self._total(float(area)) / self._total(number)))  # mean, m
+        measure, number = cells.measures(self.cell_corners).sum(), len(self.cell_corners)
+        self.cell_size = float(cells.length(self._total(float(measure)) / self._total(number), self.axes))  # mean, m
 
         self._displacement, self._displacement_values = self._nodal("displacement")
         self._velocity, self._velocity_values = self._nodal("velocity")
         self._acceleration, self._acceleration_values = self._nodal("acceleration")
         self._trial, self._trial_values = self._nodal("trial")
 
-        inertia = self._micro_inertia(micro_inertia, particle_radius)
+        inertia = self._micro_inertia(micro_inertia, particle_radius) if self.turns else np.zeros(owned_cells)
         self._cut_up()
         self._compile(inertia)
         self.boundaries = boundaries.Boundaries(self)
@@ -86,8 +92,8 @@ class Body:
 
     def _node_places(self) -> np.ndarray:
         index_map = self.space.dofmap.index_map
-        places = np.zeros((index_map.size_local + index_map.num_ghosts, 2))
-        places[self._all_nodes] = self.mesh.geometry.x[_compat.geometry_nodes(self.mesh), :2]
+        places = np.zeros((index_map.size_local + index_map.num_ghosts, self.axes))
+        places[self._all_nodes] = self.mesh.geometry.x[_compat.geometry_nodes(self.mesh), : self.axes]
         return places
 
     def _nodal(self, name: str):
@@ -122,10 +128,10 @@ class Body:
         tags = np.where(self.cell_fractions == 1.0, forms.WHOLE, forms.CUT).astype(np.int32)
         kept = np.flatnonzero(self.cell_fractions > 0.0).astype(np.int32)
         self._measure = ufl.Measure(
-            "dx", domain=self.mesh, subdomain_data=dmesh.meshtags(self.mesh, 2, kept, tags[kept])
+            "dx", domain=self.mesh, subdomain_data=dmesh.meshtags(self.mesh, self.axes, kept, tags[kept])
         )
-        nodes = self._all_nodes.shape[1]
-        self._degrees = DEGREE[nodes], cuts.CUT_DEGREE[nodes]
+        name = cells.name(self._all_nodes.shape[1], self.axes)
+        self._degrees = DEGREE[name], cuts.CUT_DEGREE[name]
         self._weight = None
         if self.comm.allreduce(len(weights)) > 0:  # every rank compiles the same forms
             space = _compat.quadrature_space(self.mesh, self._degrees[1])
@@ -136,7 +142,7 @@ class Body:
 
     def _compile(self, inertia: np.ndarray) -> None:
         """Stiffness matrix, form of the internal force and lumped mass."""
-        self._stiffness = fem.Constant(self.mesh, np.array(self.material.stiffness, dtype=float))
+        self._stiffness = fem.Constant(self.mesh, np.array(self.moduli, dtype=float))
         self._couple = fem.Constant(self.mesh, np.array(self.material.couple, dtype=float))
         self._density = fem.Constant(self.mesh, float(self.material.density))
         self._theta = fem.Function(_compat.cell_space(self.mesh))
@@ -280,10 +286,10 @@ class Body:
     # boundary conditions and loads
 
     def fix(self, where: str | Callable, directions: str) -> None:
-        """Hold the directions ("x", "y", "r" together, e.g. "xyr") of the nodes `where` at rest (collective).
+        """Hold the directions ("x", "y", "r" together, e.g. "xyr"; in space "xyz") of the nodes `where` at rest (collective).
 
         Args:
-            where: name of facets of the domain, a region, or a function of points (n, 2) giving bools (n,).
+            where: name of facets of the domain, a region, or a function of points (n, axes) giving bools (n,).
             directions: held components; a later call wins where two name the same component.
         """
         self.boundaries.prescribe(where, directions, 0.0)
@@ -293,16 +299,16 @@ class Body:
         self.boundaries.prescribe(where, directions, velocity)
 
     def traction(self, name: str, traction) -> None:
-        """Add a dead load (t_x, t_y) in Pa on the facets called `name`, on their uncovered part only (collective)."""
+        """Add a dead load (t_x, t_y[, t_z]) in Pa on the facets called `name`, on their uncovered part only (collective)."""
         self.boundaries.traction(name, traction)
 
     def gravity(self, acceleration) -> None:
-        """Body force (g_x, g_y) per unit mass in m/s2; replaces an earlier one."""
+        """Body force (g_x, g_y[, g_z]) per unit mass in m/s2; replaces an earlier one."""
         self.boundaries.gravity(acceleration)
 
     @property
-    def gravity_acceleration(self) -> tuple[float, float]:
-        """Body force per unit mass (g_x, g_y), m/s2."""
+    def gravity_acceleration(self) -> tuple[float, ...]:
+        """Body force per unit mass (g_x, g_y[, g_z]), m/s2."""
         return self.boundaries.gravity_acceleration
 
     @property
@@ -322,7 +328,7 @@ class Body:
     def reaction(self, where: str | Callable, mass_damping: float | None = None) -> np.ndarray:
         """Force and moment (f_x, f_y, moment about the origin) that the support `where` exerts on the body (collective).
 
-        From M a + c M v + F_int - F_ext on its prescribed components; c is the mass damping (1/s), that of the last
+        In space the three forces and the three moments. From M a + c M v + F_int - F_ext on its prescribed components; c is the mass damping (1/s), that of the last
         `advance` when None. A node in two groups counts in both.
         """
         return self.boundaries.reaction(where, self.motion.mass_damping if mass_damping is None else mass_damping)
@@ -352,3 +358,11 @@ class Body:
     def stress_fields(self) -> dict[str, fem.Function]:
         """Cell-wise stress measures for output; see `fields.stress_fields` (collective)."""
         return fields.stress_fields(self)
+
+
+def _check_in_space(material: Material, excluded: Any) -> None:
+    """What bodies in space do not have."""
+    if material.turns:
+        raise ValueError(f"material={material} is for plane meshes: a body in space takes a Cauchy material")
+    if excluded is not None:
+        raise ValueError(f"excluded={excluded} needs a plane mesh: in space leave the cells out of the mesh, or give a share")

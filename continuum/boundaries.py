@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from . import _compat, cuts, shares
+from . import _compat, cuts, faces, shares
+
+DIRECTIONS = {2: "xyr", 3: "xyz"}  # names of the components of a node, by axes
 
 
 class Boundaries:
@@ -23,14 +25,14 @@ class Boundaries:
         self._motions: list[float | Callable[[float], float]] = []
         self._groups: dict[Any, np.ndarray] = {}
         self._tractions = np.zeros(shape)
-        self._gravity = np.zeros(2)
+        self._gravity = np.zeros(body.axes)
         self._sum_loads()
 
     # prescribed motion
 
     def prescribe(self, where, directions: str, velocity) -> None:
         """Drive the directions of the nodes `where` with a velocity (number or function of time); collective."""
-        names = "xyr"[: self._body.components]
+        names = DIRECTIONS[self._body.axes][: self._body.components]
         if not directions or any(d not in names for d in directions) or len(set(directions)) < len(directions):
             raise ValueError(f'directions="{directions}" must be different letters of "{names}"')
         if not callable(velocity) and not np.isfinite(velocity):
@@ -49,12 +51,12 @@ class Boundaries:
         self.revision += 1
 
     def nodes(self, where) -> np.ndarray:
-        """Owned nodes of named facets, of a region or of a marker function of points (n, 2); collective."""
+        """Owned nodes of named facets, of a region or of a marker function of points (n, axes); collective."""
         body = self._body
         if isinstance(where, str):
             facets = body.domain.facets(where)
-            body.mesh.topology.create_connectivity(1, 2)
-            nodes = np.unique(fem.locate_dofs_topological(body.space, 1, facets))
+            body.mesh.topology.create_connectivity(body.axes - 1, body.axes)
+            nodes = np.unique(fem.locate_dofs_topological(body.space, body.axes - 1, facets))
             return nodes[nodes < body.count]
         marker = getattr(where, "contains", where)
         if not callable(marker):
@@ -65,9 +67,9 @@ class Boundaries:
         return np.flatnonzero(marked)
 
     @property
-    def gravity_acceleration(self) -> tuple[float, float]:
-        """Body force per unit mass (g_x, g_y), m/s2."""
-        return float(self._gravity[0]), float(self._gravity[1])
+    def gravity_acceleration(self) -> tuple[float, ...]:
+        """Body force per unit mass (g_x, g_y[, g_z]), m/s2."""
+        return tuple(float(component) for component in self._gravity)
 
     @property
     def moving(self) -> bool:
@@ -93,68 +95,70 @@ class Boundaries:
         return velocity
 
     def reaction(self, where, mass_damping: float) -> np.ndarray:
-        """Force and moment (3,) of one group of prescribed components on the body; collective."""
+        """Force and moment (3,), in space (6,), of one group of prescribed components on the body; collective."""
         body = self._body
         if where not in self._groups:
             known = ", ".join(str(name) for name in self._groups) or "none"
             raise ValueError(f"where={where} has no prescribed motion; known: {known}")
         inertia = body.mass * (body.acceleration + mass_damping * body.velocity)
         force = np.where(self._groups[where], inertia + body.internal_force() - self.loads, 0.0)
+        if body.axes == 3:
+            moments = np.cross(body.coordinates, force).sum(axis=0)
+            return np.array(body._total(np.concatenate((force.sum(axis=0), moments))))
         x, y = body.coordinates.T
         moment = float(np.sum(x * force[:, 1] - y * force[:, 0]))
-        if body.components == 3:
+        if body.turns:
             moment += float(force[:, 2].sum())
         return np.array(body._total(np.array([force[:, 0].sum(), force[:, 1].sum(), moment])))
 
     # loads
 
     def traction(self, name: str, traction) -> None:
-        """Add a dead load (t_x, t_y) in Pa on the uncovered part of the facets called `name`; collective."""
-        traction = _vector("traction", traction, "Pa")
+        """Add a dead load (t_x, t_y[, t_z]) in Pa on the uncovered part of the facets called `name`; collective."""
+        traction = _vector("traction", traction, self._body.axes, "Pa")
         body, facets = self._body, self._body.domain.facets(name)
         if body._total(len(facets)) == 0:
             raise ValueError(f'name="{name}" holds no facets of the mesh')
-        topology = body.mesh.topology
-        topology.create_connectivity(1, 2)
-        topology.create_connectivity(2, 1)
+        topology, axes = body.mesh.topology, body.axes
+        topology.create_connectivity(axes - 1, axes)
+        topology.create_connectivity(axes, axes - 1)
+        corners = _compat.facet_corners(topology.cell_name())
         function, values = body._nodal("traction")
         load = function.x.array.reshape(-1, body.components)
         for facet in facets:
-            cell = topology.connectivity(1, 2).links(facet)[0]
+            cell = topology.connectivity(axes - 1, axes).links(facet)[0]
             if cell >= len(body.cell_corners):
                 continue  # the owner of the cell adds it
-            position = int(np.flatnonzero(topology.connectivity(2, 1).links(cell) == facet)[0])
-            ends = body.cell_nodes[cell][_facet_nodes(body.cell_nodes.shape[1])[position]]
+            position = int(np.flatnonzero(topology.connectivity(axes, axes - 1).links(cell) == facet)[0])
+            ends = body.cell_nodes[cell][corners[position]]
             places = body.all_coordinates[ends]
-            if body.share is None:
+            if axes == 3:
+                parts = faces.loads(places, body.share)
+            elif body.share is None:
                 parts = cuts.segment_loads(places, body.excluded)
             else:
                 parts = shares.segment_loads(places, body.share)
-            load[np.ix_(ends, [0, 1])] += np.outer(parts, traction)
+            load[np.ix_(ends, np.arange(axes))] += np.outer(parts, traction)
         _compat.scatter_add(function)
         self._tractions = self._tractions + values
         self._sum_loads()
 
     def gravity(self, acceleration) -> None:
-        """Set the body force (g_x, g_y) per unit mass in m/s2."""
-        self._gravity = _vector("acceleration", acceleration, "m/s2")
+        """Set the body force (g_x, g_y[, g_z]) per unit mass in m/s2."""
+        self._gravity = _vector("acceleration", acceleration, self._body.axes, "m/s2")
         self._sum_loads()
 
     def _sum_loads(self) -> None:
-        loads = self._tractions.copy()
-        loads[:, :2] += self._body.mass[:, :2] * self._gravity  # row sums of the mass: exactly the integral of rho N
+        loads, axes = self._tractions.copy(), self._body.axes
+        loads[:, :axes] += self._body.mass[:, :axes] * self._gravity  # row sums of the mass: exactly the integral of rho N
         loads.flags.writeable = False
         self.loads = loads
         self.revision += 1
 
 
-def _vector(name: str, value, unit: str) -> np.ndarray:
+def _vector(name: str, value, axes: int, unit: str) -> np.ndarray:
     vector = np.asarray(value, dtype=float)
-    if vector.shape != (2,) or not np.all(np.isfinite(vector)):
-        raise ValueError(f"{name}={value} must be two finite numbers (x, y) in {unit}")
+    if vector.shape != (axes,) or not np.all(np.isfinite(vector)):
+        numbers = {2: "two finite numbers (x, y)", 3: "three finite numbers (x, y, z)"}[axes]
+        raise ValueError(f"{name}={value} must be {numbers} in {unit}")
     return vector
-
-
-def _facet_nodes(nodes: int) -> list[list[int]]:
-    """End nodes of the facets of a cell in the order of the reference cell (basix)."""
-    return [[1, 2], [0, 2], [0, 1]] if nodes == 3 else [[0, 1], [0, 2], [1, 3], [2, 3]]

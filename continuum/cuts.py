@@ -2,17 +2,20 @@
 
 A partly covered cell keeps the points of a standard rule; each point gets a weight such that the rule is exact on the
 uncovered part (moment fitting; Mueller, Kummer & Oberlack 2013, eq. 11, here with an orthonormal basis, so that
-nothing is solved). The element energy of bilinear quadrilaterals is g / det J^2 with g of degree 4 a direction, that of
-linear triangles is of degree 2: both are integrated exactly, so a cut element never has negative energy.
+nothing is solved). The element energy of bilinear quadrilaterals and hexahedra is g / det J^2 with g of degree 4 a direction, that of
+linear simplices is of degree 2: both are integrated exactly, so a cut element never has negative energy.
 """
 
 from __future__ import annotations
+
+from functools import reduce
+from itertools import combinations_with_replacement
 
 import numpy as np
 
 from . import _compat, cells
 
-CUT_DEGREE = {3: 4, 4: 8}  # degree of the rule on cut cells by nodes a cell
+CUT_DEGREE = {"triangle": 4, "quadrilateral": 8, "tetrahedron": 4, "hexahedron": 8}  # degree of the rule on cut cells
 PIECE_DEGREE = 20  # on straight pieces: exact for parallelograms (8 would do), to 1e-11 for distorted quadrilaterals
 SUBCELLS = 16  # a side, for regions without straight edges
 TINY = 1e-9  # a smaller uncovered (covered) fraction counts as none (all)
@@ -44,30 +47,31 @@ def point_weights(corners: np.ndarray, places: np.ndarray, masses: np.ndarray) -
     """Factors (q,) on the rule of CUT_DEGREE that reproduce a measure on one cell.
 
     Args:
-        corners: (nodes, 2) in m.
-        places: reference coordinates (j, 2) of the measure's points.
-        masses: their weights (j,) in m2.
+        corners: (nodes, axes) in m.
+        places: reference coordinates (j, axes) of the measure's points.
+        masses: their weights (j,) in m2 or m3.
     """
-    nodes = len(corners)
-    points, weights = _compat.quadrature_rule("triangle" if nodes == 3 else "quadrilateral", CUT_DEGREE[nodes])
+    nodes, name = len(corners), cells.name(*corners.shape)
+    points, weights = _compat.quadrature_rule(name, CUT_DEGREE[name])
     moments = _orthonormal(places, nodes, points, weights).T @ (masses / cells.determinants(corners, places) ** 2)
     return cells.determinants(corners, points) * (_orthonormal(points, nodes, points, weights) @ moments)
 
 
 def _orthonormal(places, nodes, points, weights) -> np.ndarray:
-    """Orthonormal polynomials at `places` (j, n): degree 2 on triangles, 4 in each direction on squares."""
-    if nodes == 4:
+    """Orthonormal polynomials at `places` (j, n): degree 2 on simplices, 4 in each direction on squares and cubes."""
+    if not cells.simplex(nodes, places.shape[1]):
         scale = np.sqrt(2.0 * np.arange(5) + 1.0)
-        x, y = (np.polynomial.legendre.legvander(2.0 * places[:, i] - 1.0, 4) * scale for i in (0, 1))
-        return np.einsum("ja,jb->jab", x, y).reshape(len(places), -1)
+        along = [np.polynomial.legendre.legvander(2.0 * x - 1.0, 4) * scale for x in places.T]
+        return reduce(lambda found, more: np.einsum("ja,jb->jab", found, more).reshape(len(places), -1), along)
 
     def monomials(at):
-        x, y = at.T
-        return np.column_stack((np.ones_like(x), x, y, x * x, x * y, y * y))
+        along = at.T
+        second = [x * y for x, y in combinations_with_replacement(along, 2)]
+        return np.column_stack((np.ones(len(at)), *along, *second))
 
     values = monomials(points)
-    triangle = np.linalg.cholesky(values.T @ (weights[:, None] * values))
-    return np.linalg.solve(triangle, monomials(places).T).T
+    factor = np.linalg.cholesky(values.T @ (weights[:, None] * values))
+    return np.linalg.solve(factor, monomials(places).T).T
 
 
 def _by_polygon(corners: np.ndarray, polygon: np.ndarray):

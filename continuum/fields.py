@@ -11,14 +11,14 @@ from . import _compat, cells
 
 
 def strains(body: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Strain (cells, 2, 2), eps_ij = u_j,i - e_ij phi, and curvature phi_,i (cells, 2) at cell middles (collective)."""
+    """Strain (cells, axes, axes), eps_ij = u_j,i - e_ij phi, and curvature phi_,i (cells, 2) at cell middles (collective)."""
     body.update_ghosts()
-    nodes = body.cell_nodes.shape[1]
-    middle = np.full((len(body.cell_nodes), 2), 1.0 / 3.0 if nodes == 3 else 0.5)
+    nodes, axes = body.cell_nodes.shape[1], body.axes
+    middle = np.tile(cells.middle(nodes, axes), (len(body.cell_nodes), 1))
     values = body._displacement.x.array.reshape(-1, body.components)[body.cell_nodes]
     gradient = cells.gradients(body.cell_corners, middle)
-    strain = np.einsum("cni,cnj->cij", gradient, values[:, :, :2])
-    if body.components == 2:
+    strain = np.einsum("cni,cnj->cij", gradient, values[:, :, :axes])
+    if not body.turns:
         return strain, np.zeros((len(strain), 2))
     rotation = np.einsum("cn,cn->c", cells.shape_functions(middle, nodes), values[:, :, 2])
     strain[:, 0, 1] -= rotation
@@ -27,30 +27,27 @@ def strains(body: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def stresses(body: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Stress (cells, 2, 2) in Pa and couple stress (cells, 2) in N/m at cell middles (collective)."""
+    """Stress (cells, axes, axes) in Pa and couple stress (cells, 2) in N/m at cell middles (collective)."""
     strain, curvature = strains(body)
-    stress = np.einsum("ijkl,ckl->cij", body.material.stiffness, strain)
+    stress = np.einsum("ijkl,ckl->cij", body.moduli, strain)
     return stress, curvature @ np.asarray(body.material.couple).T
 
 
 def stress_fields(body: Any) -> dict[str, fem.Function]:
     """Functions, one value a cell (collective): stress components, couple stresses, volumetric and effective stress.
 
-    Volumetric: mean of the three normal stresses, with sigma_zz = nu (sigma_xx + sigma_yy). Effective:
+    Volumetric: mean of the three normal stresses, in plane strain with sigma_zz = nu (sigma_xx + sigma_yy). Effective:
     sqrt(3/2 s:s) of the symmetric deviator. Pa (couple stresses N/m), tension positive. Wholly covered cells give NaN.
     """
     stress, couple = stresses(body)
-    normal = stress[:, 0, 0] + stress[:, 1, 1]
-    out_of_plane = body.material.poisson_ratio * normal
-    named = {
-        "stress_xx": stress[:, 0, 0],
-        "stress_xy": stress[:, 0, 1],
-        "stress_yx": stress[:, 1, 0],
-        "stress_yy": stress[:, 1, 1],
-        "volumetric_stress": (normal + out_of_plane) / 3.0,
-        "effective_stress": np.sqrt(1.5 * _deviator_square(stress, out_of_plane)),
+    whole = stress
+    if body.axes == 2:
+        whole = _in_space(stress, body.material.poisson_ratio * (stress[:, 0, 0] + stress[:, 1, 1]))
+    named = _components("stress", stress) | {
+        "volumetric_stress": _trace(whole) / 3.0,
+        "effective_stress": np.sqrt(1.5 * _deviator_square(whole)),
     }
-    if body.components == 3:
+    if body.turns:
         named |= {"couple_stress_x": couple[:, 0], "couple_stress_y": couple[:, 1]}
     return _functions(body, named)
 
@@ -58,28 +55,42 @@ def stress_fields(body: Any) -> dict[str, fem.Function]:
 def strain_fields(body: Any) -> dict[str, fem.Function]:
     """Functions, one value a cell (collective): strain components, curvatures, volumetric and effective strain.
 
-    Volumetric: eps_xx + eps_yy. Effective: sqrt(2/3 e:e) of the symmetric deviator. Wholly covered cells give NaN.
+    Volumetric: eps_xx + eps_yy (+ eps_zz). Effective: sqrt(2/3 e:e) of the symmetric deviator. Wholly covered cells give NaN.
     """
     strain, curvature = strains(body)
-    named = {
-        "strain_xx": strain[:, 0, 0],
-        "strain_xy": strain[:, 0, 1],
-        "strain_yx": strain[:, 1, 0],
-        "strain_yy": strain[:, 1, 1],
-        "volumetric_strain": strain[:, 0, 0] + strain[:, 1, 1],
-        "effective_strain": np.sqrt(2.0 / 3.0 * _deviator_square(strain, np.zeros(len(strain)))),
+    whole = strain if body.axes == 3 else _in_space(strain, np.zeros(len(strain)))
+    named = _components("strain", strain) | {
+        "volumetric_strain": _trace(whole),
+        "effective_strain": np.sqrt(2.0 / 3.0 * _deviator_square(whole)),
     }
-    if body.components == 3:
+    if body.turns:
         named |= {"curvature_x": curvature[:, 0], "curvature_y": curvature[:, 1]}
     return _functions(body, named)
 
 
-def _deviator_square(tensor: np.ndarray, out_of_plane: np.ndarray) -> np.ndarray:
-    """e:e (cells,) of the symmetric 3D deviator of plane tensors (cells, 2, 2) with a zz component (cells,)."""
-    mean = (tensor[:, 0, 0] + tensor[:, 1, 1] + out_of_plane) / 3.0
-    shear = 0.5 * (tensor[:, 0, 1] + tensor[:, 1, 0])
-    normal = (tensor[:, 0, 0] - mean) ** 2 + (tensor[:, 1, 1] - mean) ** 2 + (out_of_plane - mean) ** 2
-    return normal + 2.0 * shear**2
+def _components(name: str, tensor: np.ndarray) -> dict[str, np.ndarray]:
+    """The components of tensors (cells, axes, axes) by name."""
+    letters = "xyz"[: tensor.shape[1]]
+    return {f"{name}_{a}{b}": tensor[:, i, j] for i, a in enumerate(letters) for j, b in enumerate(letters)}
+
+
+def _in_space(plane: np.ndarray, out_of_plane: np.ndarray) -> np.ndarray:
+    """Tensors (cells, 3, 3) of plane ones (cells, 2, 2) and a zz component (cells,)."""
+    whole = np.zeros((len(plane), 3, 3))
+    whole[:, :2, :2], whole[:, 2, 2] = plane, out_of_plane
+    return whole
+
+
+def _trace(tensor: np.ndarray) -> np.ndarray:
+    return tensor[:, 0, 0] + tensor[:, 1, 1] + tensor[:, 2, 2]
+
+
+def _deviator_square(tensor: np.ndarray) -> np.ndarray:
+    """e:e (cells,) of the symmetric deviator of tensors (cells, 3, 3)."""
+    mean = _trace(tensor) / 3.0
+    normal = (tensor[:, 0, 0] - mean) ** 2 + (tensor[:, 1, 1] - mean) ** 2 + (tensor[:, 2, 2] - mean) ** 2
+    shear = [(0.5 * (tensor[:, i, j] + tensor[:, j, i])) ** 2 for i, j in ((0, 1), (0, 2), (1, 2))]
+    return normal + 2.0 * (shear[0] + shear[1] + shear[2])
 
 
 def _functions(body: Any, named: dict[str, np.ndarray]) -> dict[str, fem.Function]:

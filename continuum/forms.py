@@ -6,8 +6,10 @@ import ufl
 
 
 def strain(w):
-    """Strain eps_ij = u_j,i - e_ij phi (2, 2) of w = (u_x, u_y[, phi]); the rotation is absent in a Cauchy body."""
+    """Strain eps_ij = u_j,i - e_ij phi of w = (u_x, u_y[, phi]), in space u_j,i; the rotation is absent in a Cauchy body."""
     gradient = ufl.grad(w)  # gradient[j, i] = w_j,i
+    if axes(w) == 3:
+        return ufl.transpose(gradient)
     phi = w[2] if w.ufl_shape[0] == 3 else 0.0
     return ufl.as_tensor([[gradient[0, 0], gradient[1, 0] - phi], [gradient[0, 1] + phi, gradient[1, 1]]])
 
@@ -16,15 +18,20 @@ def internal_work(w, v, stiffness, couple):
     """Virtual work density sigma(w) : eps(v) + m(w) . grad(phi_v) (J/m3)."""
     i, j, k, m = ufl.indices(4)
     work = stiffness[i, j, k, m] * strain(w)[k, m] * strain(v)[i, j]
-    if v.ufl_shape[0] == 3:
+    if v.ufl_shape[0] > axes(v):
         work += couple[i, j] * ufl.grad(w[2])[j] * ufl.grad(v[2])[i]
     return work
 
 
 def lumped_mass(v, density, micro_inertia):
     """Density of the row sums of the mass matrix: rho N for displacements, Theta N for the rotation."""
-    mass = density * (v[0] + v[1])
-    return mass + micro_inertia * v[2] if v.ufl_shape[0] == 3 else mass
+    mass = density * sum(v[i] for i in range(axes(v)))
+    return mass + micro_inertia * v[2] if v.ufl_shape[0] > axes(v) else mass
+
+
+def axes(w) -> int:
+    """Number of dimensions of the mesh of a nodal field."""
+    return ufl.grad(w).ufl_shape[-1]
 
 
 def over_uncovered(density_of, measure, weight, degree, cut_degree):

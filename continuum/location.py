@@ -20,20 +20,20 @@ def shape_functions(body: Any, points, gradients: bool = False) -> tuple[np.ndar
 
     Args:
         body: the Body.
-        points: (k, 2) in m.
-        gradients: also the derivatives by x and y (1/m), in that cell.
+        points: (k, axes) in m.
+        gradients: also the derivatives by x, y (and z) (1/m), in that cell.
 
     Returns:
         Global node numbers (k, nodes a cell) int64, -1 where the point was not found; values (k, nodes a cell), or with
-        gradients (k, nodes a cell, 3): value and derivatives, 0 there; found (k,) bool.
+        gradients (k, nodes a cell, 1 + axes): value and derivatives, 0 there; found (k,) bool.
     """
     points = np.asarray(points, dtype=float)
     if points.size == 0:
-        points = points.reshape(0, 2)
-    if points.ndim != 2 or points.shape[1] < 2 or not np.all(np.isfinite(points)):
-        raise ValueError(f"points of shape {points.shape} must be finite with the shape (k, 2)")
+        points = points.reshape(0, body.axes)
+    if points.ndim != 2 or points.shape[1] < body.axes or not np.all(np.isfinite(points)):
+        raise ValueError(f"points of shape {points.shape} must be finite with the shape (k, {body.axes})")
     counts = body.comm.allgather(len(points))
-    everyone = np.concatenate(body.comm.allgather(np.ascontiguousarray(points[:, :2])))
+    everyone = np.concatenate(body.comm.allgather(np.ascontiguousarray(points[:, : body.axes])))
     order, nodes, values = _owned_cells(body, everyone, gradients)
     if body.comm.size > 1:
         best = np.empty_like(order)
@@ -55,8 +55,8 @@ def _owned_cells(body: Any, points: np.ndarray, gradients: bool) -> tuple[np.nda
     width = body._all_nodes.shape[1]
     order = np.full(len(points), np.iinfo(np.int64).max)
     nodes = np.full((len(points), width), -1, dtype=np.int64)
-    values = np.zeros((len(points), width, 3) if gradients else (len(points), width))
-    size = float(np.sqrt(cells.areas(body.cell_corners).max())) if len(body.cell_corners) else 1.0
+    values = np.zeros((len(points), width, 1 + body.axes) if gradients else (len(points), width))
+    size = float(cells.length(cells.measures(body.cell_corners).max(), body.axes)) if len(body.cell_corners) else 1.0
     point, cell = _compat.cells_near(body.mesh, np.arange(len(body.cell_corners)), points, TOLERANCE * size)
     if len(point) == 0:
         return order, nodes, values

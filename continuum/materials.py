@@ -1,7 +1,7 @@
-"""Linear elastic materials in plane strain: Cauchy and Cosserat (micropolar).
+"""Linear elastic materials: Cauchy in plane strain and in space, Cosserat (micropolar) in plane strain.
 
-All give the same four things: `components` a node, `stiffness` (2, 2, 2, 2) in Pa, `couple` (2, 2) in N and
-`density` in kg/m3. First stress index = direction of the normal, second = direction of the force; tension positive.
+All give the same four things: whether the material `turns` (has a micro-rotation), `stiffness` (2, 2, 2, 2) in Pa, `couple`
+(2, 2) in N and `density` in kg/m3; Cauchy has its stiffness in space, too. First stress index = direction of the normal, second = direction of the force; tension positive.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ def _check_elastic(young_modulus: float, poisson_ratio: float, density: float) -
         raise ValueError(f"poisson_ratio={poisson_ratio} must lie in (-1, 0.5)")
 
 
-def _isotropic(lame: float, shear: float, cosserat_shear: float) -> np.ndarray:
+def _isotropic(lame: float, shear: float, cosserat_shear: float, axes: int = 2) -> np.ndarray:
     """D_ijkl = lambda d_ij d_kl + (G + Gc) d_ik d_jl + (G - Gc) d_il d_jk."""
-    one = np.eye(2)
+    one = np.eye(axes)
     return (
         lame * np.einsum("ij,kl->ijkl", one, one)
         + (shear + cosserat_shear) * np.einsum("ik,jl->ijkl", one, one)
@@ -53,7 +53,7 @@ class _Isotropic:
 
 @dataclass(frozen=True)
 class Cauchy(_Isotropic):
-    """Classical isotropic elasticity in plane strain.
+    """Classical isotropic elasticity, in plane strain on a plane mesh, in space on one of volume elements.
 
     Args:
         young_modulus: E in Pa.
@@ -64,7 +64,7 @@ class Cauchy(_Isotropic):
     young_modulus: float
     poisson_ratio: float
     density: float
-    components = 2
+    turns = False
 
     def __post_init__(self):
         _check_elastic(self.young_modulus, self.poisson_ratio, self.density)
@@ -72,7 +72,11 @@ class Cauchy(_Isotropic):
     @property
     def stiffness(self) -> np.ndarray:
         """D (2, 2, 2, 2) in Pa with sigma_ij = D_ijkl u_l,k; blind to rotation."""
-        return _isotropic(self.lame_modulus, self.shear_modulus, 0.0)
+        return self.stiffness_in(2)
+
+    def stiffness_in(self, axes: int) -> np.ndarray:
+        """D in Pa in two or three dimensions, (axes,) * 4."""
+        return _isotropic(self.lame_modulus, self.shear_modulus, 0.0, axes)
 
     @property
     def couple(self) -> np.ndarray:
@@ -103,7 +107,7 @@ class Cosserat(_Isotropic):
     density: float
     couple_factor: float = 1.0
     couple_modulus: float | None = None
-    components = 3
+    turns = True
 
     def __post_init__(self):
         _check_elastic(self.young_modulus, self.poisson_ratio, self.density)
@@ -144,7 +148,7 @@ class CosseratModuli:
     stiffness: np.ndarray
     couple: np.ndarray
     density: float
-    components = 3
+    turns = True
 
     def __post_init__(self):
         _positive("density", self.density, "kg/m3")

@@ -33,8 +33,9 @@ class Motion:
         self._body = body
         self.mass_damping = 0.0
         self._sums = dict.fromkeys(SUMS, 0.0)  # J, this rank's share
-        self._fastest = float(np.sqrt(np.abs(body.material.stiffness).max() / body.material.density))  # m/s
-        self._lengths = np.array([1.0, 1.0, body.cell_size])[: body.components]  # from rates to speeds
+        self._fastest = float(np.sqrt(np.abs(body.moduli).max() / body.material.density))  # m/s
+        self._lengths = np.full(body.components, body.cell_size)  # from rates to speeds
+        self._lengths[: body.axes] = 1.0
         self._known = Known(tuple(np.zeros_like(array) for array in self._state()), (-1, 0.0), 0.0)
         self._damping = np.zeros_like(body.mass)  # N, local damping force of the last evaluation
         self._reaction = np.zeros(0)  # N, on the prescribed components
@@ -111,9 +112,9 @@ class Motion:
             wild = ~(speed.max(axis=1, initial=0.0) <= self._fastest)
         places = [p for found in body.comm.allgather(body.coordinates[wild][:1]) for p in found]
         if places:
-            x, y = places[0]
+            place = ", ".join(f"{component:.6g}" for component in places[0])
             raise Unstable(
-                f"the continuum became unstable by t={body.time:.6g} s: the node at ({x:.6g}, {y:.6g}) m moves faster than "
+                f"the continuum became unstable by t={body.time:.6g} s: the node at ({place}) m moves faster than "
                 f"the wave speed {self._fastest:.4g} m/s; reduce the step (critical_step) or the load"
             )
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import permutations
 
 import numpy as np
 
 from . import _compat, cells, cuts
 
-SPLIT = 8  # pieces along an edge of a cell in which the share varies: a kink of the share is met to 1e-3 of the cell
+SPLIT = {2: 8, 3: 4}  # pieces along an edge of a cell in which the share varies, by axes: in the plane a kink of the share is
+# met to 1e-3 of the cell
 LOOK = 4  # points along an edge at which a cell is looked at first
 Share = Callable[[np.ndarray], np.ndarray]
 
@@ -16,11 +18,11 @@ Share = Callable[[np.ndarray], np.ndarray]
 def weighted(corners: np.ndarray, share: Share) -> tuple[np.ndarray, dict[int, np.ndarray]]:
     """Mean share of each cell and the weights of those in which it is not all or nothing.
 
-    Exact where the share is linear in a cell that is a triangle or parallelogram.
+    Exact where the share is linear in a cell that is a simplex, a parallelogram or a parallelepiped.
 
     Args:
-        corners: cell corners (cells, nodes, 2) in m.
-        share: function of points (n, 2) giving numbers (n,) from 0 to 1.
+        corners: cell corners (cells, nodes, axes) in m.
+        share: function of points (n, axes) giving numbers (n,) from 0 to 1.
 
     Returns:
         Mean shares (cells,), and for each cell with a weight the factors (q,) of the points of the rule of CUT_DEGREE.
@@ -28,16 +30,16 @@ def weighted(corners: np.ndarray, share: Share) -> tuple[np.ndarray, dict[int, n
     Raises:
         ValueError: the share has another shape or leaves [0, 1].
     """
-    nodes = corners.shape[1]
-    look = cells.shape_functions(_grid(nodes), nodes)
-    seen = _values(share, np.einsum("qn,cnk->cqk", look, corners).reshape(-1, 2)).reshape(len(corners), -1)
+    nodes, axes = corners.shape[1:]
+    look = cells.shape_functions(_grid(nodes, axes), nodes)
+    seen = values(share, np.einsum("qn,cnk->cqk", look, corners).reshape(-1, axes)).reshape(len(corners), -1)
     fractions = np.where(seen.min(axis=1, initial=1.0) > 0.5, 1.0, 0.0)
     weights = {}
-    points, areas = _composite(nodes)
+    points, sizes = composite(nodes, axes)
     shape = cells.shape_functions(points, nodes)
     for cell in np.flatnonzero(np.any((seen > cuts.TINY) & (seen < 1.0 - cuts.TINY), axis=1) | (np.ptp(seen, axis=1) > 0.5)):
-        masses = areas * cells.determinants(corners[cell], points)
-        carried = masses * _values(share, shape @ corners[cell])
+        masses = sizes * cells.determinants(corners[cell], points)
+        carried = masses * values(share, shape @ corners[cell])
         fractions[cell] = carried.sum() / masses.sum()
         if cuts.TINY < fractions[cell] < 1.0 - cuts.TINY:
             weights[int(cell)] = cuts.point_weights(corners[cell], points, carried)
@@ -49,33 +51,55 @@ def weighted(corners: np.ndarray, share: Share) -> tuple[np.ndarray, dict[int, n
 def segment_loads(ends: np.ndarray, share: Share) -> np.ndarray:
     """Integrals (2,) in m of the share times the two linear shape functions over a segment (ends (2, 2) in m)."""
     place, weight = np.polynomial.legendre.leggauss(4)
-    along = ((np.arange(SPLIT)[:, None] + 0.5 * (1.0 + place)) / SPLIT).ravel()
-    weight = np.tile(0.5 * weight / SPLIT, SPLIT) * _values(share, ends[0] + along[:, None] * (ends[1] - ends[0]))
+    split = SPLIT[2]
+    along = ((np.arange(split)[:, None] + 0.5 * (1.0 + place)) / split).ravel()
+    weight = np.tile(0.5 * weight / split, split) * values(share, ends[0] + along[:, None] * (ends[1] - ends[0]))
     return float(np.linalg.norm(ends[1] - ends[0])) * np.array([weight @ (1.0 - along), weight @ along])
 
 
-def _values(share: Share, points: np.ndarray) -> np.ndarray:
-    values = np.asarray(share(points), dtype=float)
-    if values.shape != (len(points),) or not np.all((values >= 0.0) & (values <= 1.0)):
-        raise ValueError(f"share={share} must give one number from 0 to 1 for each point (n, 2)")
-    return values
+def values(share: Share, points: np.ndarray) -> np.ndarray:
+    """The share at points, checked."""
+    found = np.asarray(share(points), dtype=float)
+    if found.shape != (len(points),) or not np.all((found >= 0.0) & (found <= 1.0)):
+        raise ValueError(f"share={share} must give one number from 0 to 1 for each point (n, {points.shape[1]})")
+    return found
 
 
-def _grid(nodes: int) -> np.ndarray:
-    """Reference points (q, 2) on a grid over the cell, corners included."""
-    x, y = (a.ravel() for a in np.meshgrid(*2 * [np.arange(LOOK + 1) / LOOK], indexing="ij"))
-    kept = x + y <= 1.0 if nodes == 3 else x >= 0.0
-    return np.column_stack((x[kept], y[kept]))
+def _grid(nodes: int, axes: int) -> np.ndarray:
+    """Reference points (q, axes) on a grid over the cell, corners included."""
+    grid = _lattice(LOOK + 1, axes) / LOOK
+    return grid[grid.sum(axis=1) <= 1.0] if cells.simplex(nodes, axes) else grid
 
 
-def _composite(nodes: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (q, 2) and weights (q,) of the rule of CUT_DEGREE on each of SPLIT x SPLIT pieces of the reference cell."""
-    points, weights = _compat.quadrature_rule("triangle" if nodes == 3 else "quadrilateral", cuts.CUT_DEGREE[nodes])
-    x, y = (a.ravel() for a in np.meshgrid(np.arange(SPLIT), np.arange(SPLIT), indexing="ij"))
-    corner = np.column_stack((x, y))
-    if nodes == 3:
-        upward, downward = corner[x + y < SPLIT], corner[x + y < SPLIT - 1]
+def _lattice(count: int, axes: int) -> np.ndarray:
+    """Whole numbers (count^axes, axes) from 0 on."""
+    return np.column_stack([a.ravel() for a in np.meshgrid(*axes * [np.arange(count)], indexing="ij")])
+
+
+def composite(nodes: int, axes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (q, axes) and weights (q,) of the rule of CUT_DEGREE on each of SPLIT^axes pieces of the reference cell."""
+    name, split = cells.name(nodes, axes), SPLIT[axes]
+    points, weights = _compat.quadrature_rule(name, cuts.CUT_DEGREE[name])
+    corner = _lattice(split, axes)
+    if name == "triangle":
+        upward, downward = corner[corner.sum(axis=1) < split], corner[corner.sum(axis=1) < split - 1]
         pieces = np.concatenate((upward[:, None] + points, downward[:, None] + 1.0 - points))
+    elif name == "tetrahedron":
+        pieces = np.einsum("qn,tni->tqi", cells.shape_functions(points, 4), _tetrahedra(split))
     else:
         pieces = corner[:, None] + points
-    return pieces.reshape(-1, 2) / SPLIT, np.tile(weights / SPLIT**2, len(pieces))
+    return pieces.reshape(-1, axes) / split, np.tile(weights / split**axes, len(pieces))
+
+
+def _tetrahedra(split: int) -> np.ndarray:
+    """Corners (split^3, 4, 3) of equal tetrahedra that fill the one with edges of `split` along the axes.
+
+    The six tetrahedra of every unit cube around its diagonal fill {x >= y >= z}, which a linear map takes to the reference cell.
+    """
+    steps = np.eye(3)[list(permutations(range(3)))]
+    paths = np.concatenate((np.zeros((6, 1, 3)), np.cumsum(steps, axis=1)), axis=1)  # from a corner to the opposite one
+    pieces = (_lattice(split, 3)[:, None, None] + paths).reshape(-1, 4, 3)
+    middle = pieces.mean(axis=1)
+    inside = (split > middle[:, 0]) & (middle[:, 0] > middle[:, 1]) & (middle[:, 1] > middle[:, 2])
+    x, y, z = np.moveaxis(pieces[inside], -1, 0)
+    return np.stack((x - y, y - z, z), axis=-1)

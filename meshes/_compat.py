@@ -4,34 +4,32 @@ from __future__ import annotations
 
 import inspect
 
+import basix
 import numpy as np
 
 
 def facet_vertices(mesh, facets: np.ndarray) -> np.ndarray:
-    """Coordinates (n, 2, 2) of the end points of the given local facets (m).
+    """Coordinates (n, corners a facet, axes) of the corners of the given local facets (m).
 
     dolfinx.mesh.entities_to_geometry is C++-only before 0.9 and spelled differently in between, hence by
     connectivity and the vertices' places in the cells.
     """
-    topology = mesh.topology
-    for pair in ((1, 0), (2, 0)):
-        topology.create_connectivity(*pair)
-    vertices = vertex_coordinates(mesh)
-    links = topology.connectivity(1, 0)
-    ends = links.array.reshape(-1, 2)[facets]
-    return vertices[ends]
+    topology, of_facets = mesh.topology, mesh.topology.dim - 1
+    topology.create_connectivity(of_facets, 0)
+    corners = len(basix.topology(getattr(basix.CellType, topology.cell_name()))[of_facets][0])
+    return vertex_coordinates(mesh)[topology.connectivity(of_facets, 0).array.reshape(-1, corners)[facets]]
 
 
 def vertex_coordinates(mesh) -> np.ndarray:
-    """Coordinates (n, 2) of the local vertices (m)."""
-    topology = mesh.topology
-    topology.create_connectivity(2, 0)
-    cells = topology.connectivity(2, 0).array
+    """Coordinates (n, axes) of the local vertices (m)."""
+    topology, axes = mesh.topology, mesh.topology.dim
+    topology.create_connectivity(axes, 0)
+    cells = topology.connectivity(axes, 0).array
     nodes = mesh.geometry.dofmap
     nodes = nodes.array if hasattr(nodes, "array") else np.asarray(nodes).ravel()  # AdjacencyList until 0.6
     index_map = topology.index_map(0)
-    coordinates = np.full((index_map.size_local + index_map.num_ghosts, 2), np.nan)
-    coordinates[cells] = mesh.geometry.x[nodes, :2]
+    coordinates = np.full((index_map.size_local + index_map.num_ghosts, axes), np.nan)
+    coordinates[cells] = mesh.geometry.x[nodes, :axes]
     return coordinates
 
 

@@ -48,26 +48,29 @@ def session():
 
 
 def mesh_of(build, comm):
-    """Mesh, cell tags and facet tags of the model that `build(gmsh)` makes on rank 0; its ValueError on every rank."""
+    """Mesh, cell tags and facet tags of the model that `build(gmsh)` makes on rank 0; its ValueError on every rank.
+
+    `build` returns the number of dimensions.
+    """
     try:
         from dolfinx.io import gmshio
     except ImportError:
         raise ValueError("this dolfinx has no gmshio; install python3-gmsh or use a structured mesh") from None
-    error = None
+    error, axes = None, 2
     with contextlib.ExitStack() as stack:
         gmsh = None
         if comm.rank == 0:
             try:
                 gmsh = stack.enter_context(session())
-                build(gmsh)
+                axes = build(gmsh)
             except ModuleNotFoundError:
                 error = "gmsh is not installed; install python3-gmsh or use a structured mesh"
             except Exception as failure:  # ours, or a bare Exception of gmsh: every rank must hear of it
                 error = str(failure) if isinstance(failure, ValueError) else f"gmsh failed: {failure}"
-        error = comm.bcast(error, root=0)
+        error, axes = comm.bcast((error, axes), root=0)
         if error is not None:
             raise ValueError(error)
-        return gmshio.model_to_mesh(None if gmsh is None else gmsh.model, comm, 0, gdim=2)
+        return gmshio.model_to_mesh(None if gmsh is None else gmsh.model, comm, 0, gdim=axes)
 
 
 def foundation_geometry(gmsh, width, depth, plate, corners) -> None:
@@ -109,33 +112,44 @@ def grade(gmsh, width, depth, plate, size, size_near, cell) -> None:
     gmsh.option.setNumber("Mesh.RandomSeed", 1)
 
 
-def check_plane(gmsh, path: str) -> None:
-    """One kind of plane first-order elements with consecutive node numbers, or a ValueError."""
-    types = [int(t) for t in gmsh.model.mesh.getElementTypes(2)]
-    if gmsh.model.mesh.getElementTypes(3).size:
-        raise ValueError(f"mesh={path} must be plane, but it holds volume elements")
+CELLS = {  # gmsh's numbers of the elements of first order, by axes
+    2: ([2], [3], "plane elements", "3-node triangles or 4-node quadrilaterals"),
+    3: ([4], [5], "volume elements", "4-node tetrahedra or 8-node hexahedra"),
+}
+
+
+def checked_axes(gmsh, path: str) -> int:
+    """Dimensions of a mesh of one kind of first-order elements, its nodes then numbered consecutively, or a ValueError."""
+    axes = 3 if len(gmsh.model.mesh.getElementTypes(3)) else 2
+    types = [int(t) for t in gmsh.model.mesh.getElementTypes(axes)]
+    *allowed, kind, wanted = CELLS[axes]
     if not types:
-        raise ValueError(f"mesh={path} holds no plane elements; mesh the surfaces before saving (gmsh -2)")
-    if types not in ([2], [3]):
+        raise ValueError(f"mesh={path} holds no {kind} nor volumes; mesh the geometry before saving (gmsh -2, gmsh -3)")
+    if types not in allowed:
         names = ", ".join(gmsh.model.mesh.getElementProperties(t)[0] for t in types)
-        raise ValueError(f"mesh={path} must hold 3-node triangles or 4-node quadrilaterals, not {names}")
+        raise ValueError(f"mesh={path} must hold {wanted}, not {names}")
     height = gmsh.model.mesh.getNodes()[1].reshape(-1, 3)[:, 2]
-    if np.ptp(height) > 1e-9 * max(1.0, float(np.abs(height).max())):
-        raise ValueError(f"mesh={path} must lie in a plane z = constant")
+    used = np.unique(gmsh.model.mesh.getElementsByType(types[0])[1])
+    if axes == 3 and len(used) < len(height):  # model_to_mesh ends the process
+        raise ValueError(f"mesh={path} has nodes outside its volumes: delete points, curves and surfaces that bound none")
+    if axes == 2 and np.ptp(height) > 1e-9 * max(1.0, float(np.abs(height).max())):
+        raise ValueError(f"mesh={path} of plane elements must lie in a plane z = constant")
     gmsh.model.mesh.renumberNodes()
+    return axes
 
 
-def physical_names(gmsh) -> tuple[dict[str, tuple[int, ...]], dict[str, tuple[int, ...]]]:
-    """Names of the physical groups of cells and facets; surfaces outside all groups become "soil"."""
+def physical_names(gmsh, axes: int) -> tuple[dict[str, tuple[int, ...]], dict[str, tuple[int, ...]]]:
+    """Names of the physical groups of cells and facets; cells outside all groups become "soil"."""
     names: tuple[dict, dict] = ({}, {})
-    for dim, found in ((2, names[0]), (1, names[1])):
+    for dim, found in ((axes, names[0]), (axes - 1, names[1])):
         for _, tag in gmsh.model.getPhysicalGroups(dim):
-            name = gmsh.model.getPhysicalName(dim, tag) or f"{'cells' if dim == 2 else 'facets'}_{tag}"
+            name = gmsh.model.getPhysicalName(dim, tag) or f"{'cells' if dim == axes else 'facets'}_{tag}"
             found[name] = (*found.get(name, ()), int(tag))
-    grouped = {e for _, tag in gmsh.model.getPhysicalGroups(2) for e in gmsh.model.getEntitiesForPhysicalGroup(2, tag)}
-    rest = [e for _, e in gmsh.model.getEntities(2) if e not in grouped]
+    groups = [int(tag) for _, tag in gmsh.model.getPhysicalGroups(axes)]
+    grouped = {e for tag in groups for e in gmsh.model.getEntitiesForPhysicalGroup(axes, tag)}
+    rest = [e for _, e in gmsh.model.getEntities(axes) if e not in grouped]
     if rest:
-        tag = gmsh.model.addPhysicalGroup(2, rest)
+        tag = gmsh.model.addPhysicalGroup(axes, rest)
         name = "soil" if "soil" not in names[0] else f"cells_{tag}"
         names[0][name] = (int(tag),)
     if "soil" not in names[0]:

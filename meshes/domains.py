@@ -1,4 +1,4 @@
-"""Plane meshes with named parts: structured rectangles, graded gmsh meshes, a user's own .msh file.
+"""Meshes with named parts: structured rectangles and boxes, graded gmsh meshes, a user's own .msh file.
 
 Needs dolfinx, and gmsh where it meshes or reads. All functions are collective; rank 0 builds, dolfinx distributes.
 """
@@ -17,9 +17,13 @@ from . import _compat, _gmsh
 from ._gmsh import REGION, SOIL
 from .regions import RELATIVE_TOLERANCE
 
-CELL_TYPES = {"triangle": dmesh.CellType.triangle, "quadrilateral": dmesh.CellType.quadrilateral}
-LEFT, RIGHT, BOTTOM, TOP, PLATE = 1, 2, 3, 4, 5  # facet tags; PLATE is a part of "top"
-FACET_NAMES = {"left": (LEFT,), "right": (RIGHT,), "bottom": (BOTTOM,), "top": (TOP, PLATE), "plate": (PLATE,)}
+CELL_NAMES = {2: ("triangle", "quadrilateral"), 3: ("tetrahedron", "hexahedron")}
+LEFT, RIGHT, BOTTOM, TOP, PLATE, FRONT, BACK = range(1, 8)  # facet tags; PLATE is a part of "top"
+FACET_NAMES: dict[int, dict[str, tuple[int, ...]]] = {
+    2: {"left": (LEFT,), "right": (RIGHT,), "bottom": (BOTTOM,), "top": (TOP, PLATE), "plate": (PLATE,)},
+    3: {"left": (LEFT,), "right": (RIGHT,), "front": (FRONT,), "back": (BACK,), "bottom": (BOTTOM,), "top": (TOP,)},
+}
+SIDES = {2: ((LEFT, RIGHT), (BOTTOM, TOP)), 3: ((LEFT, RIGHT), (FRONT, BACK), (BOTTOM, TOP))}  # low and high, by axis
 
 
 @dataclass(frozen=True)
@@ -45,10 +49,11 @@ class Domain:
 
     @property
     def bounds(self) -> np.ndarray:
-        """((x_min, y_min), (x_max, y_max)) of the whole mesh in m (collective)."""
-        points = self.mesh.geometry.x[:, :2]
-        lower = points.min(axis=0) if len(points) else np.full(2, np.inf)
-        upper = points.max(axis=0) if len(points) else np.full(2, -np.inf)
+        """((x_min, y_min), (x_max, y_max)), in space with z, of the whole mesh in m (collective)."""
+        axes = self.mesh.topology.dim
+        points = self.mesh.geometry.x[:, :axes]
+        lower = points.min(axis=0) if len(points) else np.full(axes, np.inf)
+        upper = points.max(axis=0) if len(points) else np.full(axes, -np.inf)
         comm = self.mesh.comm
         return np.array([[comm.allreduce(v, MPI.MIN) for v in lower], [comm.allreduce(v, MPI.MAX) for v in upper]])
 
@@ -73,19 +78,8 @@ def rectangle(
         plate: width (m) of the strip in the middle of the top called "plate"; only facets wholly under it count.
         comm: MPI communicator.
     """
-    lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-    if (
-        lower.shape != (2,)
-        or upper.shape != (2,)
-        or not np.all(lower < upper)
-        or not np.all(np.isfinite(upper - lower))
-    ):
-        raise ValueError(f"lower={lower} must lie below and left of upper={upper}, both (x, y) in m")
-    counts = np.asarray(cells)
-    if counts.shape != (2,) or counts.dtype.kind not in "iu" or np.any(counts < 1):
-        raise ValueError(f"cells={cells} must be two positive whole numbers (along x, along y)")
-    _check_cell(cell)
-    mesh = dmesh.create_rectangle(comm, [lower, upper], [int(n) for n in counts], CELL_TYPES[cell])
+    lower, upper, counts = _structure(lower, upper, cells, cell, 2)
+    mesh = dmesh.create_rectangle(comm, [lower, upper], counts, getattr(dmesh.CellType, cell))
     middle = 0.5 * (lower[0] + upper[0])
     span = None
     if plate is not None:
@@ -93,6 +87,34 @@ def rectangle(
             raise ValueError(f"plate={plate} must be positive and not wider than the rectangle (m)")
         span = (middle - 0.5 * plate, middle + 0.5 * plate)
     return _named(mesh, lower, upper, span)
+
+
+def box(lower, upper, cells=(10, 10, 10), cell="hexahedron", comm=MPI.COMM_WORLD) -> Domain:
+    """Structured box of equal cells; facets are called left, right (x), front, back (y), bottom, top (z).
+
+    Args:
+        lower: corner with the smallest coordinates (m).
+        upper: the opposite corner (m).
+        cells: number of cells along x, y and z.
+        cell: "hexahedron" or "tetrahedron" (six a box).
+        comm: MPI communicator.
+    """
+    lower, upper, counts = _structure(lower, upper, cells, cell, 3)
+    return _named(dmesh.create_box(comm, [lower, upper], counts, getattr(dmesh.CellType, cell)), lower, upper, None)
+
+
+def _structure(lower, upper, cells, cell: str, axes: int) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Corners and numbers of cells of a structured mesh, or a ValueError."""
+    low, high, counts = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float), np.asarray(cells)
+    proper = low.shape == high.shape == (axes,)
+    if not (proper and np.all(low < high) and np.all(np.isfinite(high - low))):
+        letters = {2: "(x, y)", 3: "(x, y, z)"}[axes]
+        raise ValueError(f"lower={lower} must lie below and left of upper={upper}, both {letters} in m")
+    if counts.shape != (axes,) or counts.dtype.kind not in "iu" or np.any(counts < 1):
+        numbers = {2: "two positive whole numbers (along x, along y)", 3: "three positive whole numbers (along x, y, z)"}
+        raise ValueError(f"cells={cells} must be {numbers[axes]}")
+    _check_cell(cell, axes)
+    return low, high, [int(n) for n in counts]
 
 
 def foundation(
@@ -122,7 +144,7 @@ def foundation(
             raise ValueError(f"{name}={value} must be positive (m)")
     if plate >= width:
         raise ValueError(f"plate={plate} must be narrower than width={width} (m)")
-    _check_cell(cell)
+    _check_cell(cell, 2)
     corners = None
     if region is not None:
         if not hasattr(region, "corners"):
@@ -136,6 +158,7 @@ def foundation(
         _gmsh.foundation_geometry(gmsh, width, depth, plate, corners)
         _gmsh.grade(gmsh, width, depth, plate, size, size_near, cell)
         gmsh.model.mesh.generate(2)
+        return 2
 
     mesh, cell_tags = _gmsh.mesh_of(build, comm)[:2]
     half = 0.5 * plate
@@ -147,10 +170,11 @@ def foundation(
 
 
 def read(path, comm=MPI.COMM_WORLD) -> Domain:
-    """A user's own gmsh mesh (.msh) of plane triangles or quadrilaterals.
+    """A user's own gmsh mesh (.msh) of plane triangles or quadrilaterals, or of tetrahedra or hexahedra.
 
-    Physical groups give the names of cells and facets; left, right, bottom and top are added by position where the
-    file does not name them. ValueError with one sentence where the file is missing, unreadable, empty or not plane.
+    Physical groups give the names of cells and facets; left, right, bottom and top (in space also front and back) are added by
+    position where the file does not name them. Where it holds volume elements, plane ones only name facets. ValueError with
+    one sentence where the file is missing, unreadable, empty or has other elements.
     """
     path = os.fspath(path)
     found: dict[str, dict[str, tuple[int, ...]]] = {}
@@ -162,8 +186,9 @@ def read(path, comm=MPI.COMM_WORLD) -> Domain:
             gmsh.merge(path)
         except Exception as error:  # gmsh raises bare Exception
             raise ValueError(f"mesh={path} cannot be read by gmsh ({error})") from None
-        _gmsh.check_plane(gmsh, path)
-        found["cells"], found["facets"] = _gmsh.physical_names(gmsh)
+        axes = _gmsh.checked_axes(gmsh, path)
+        found["cells"], found["facets"] = _gmsh.physical_names(gmsh, axes)
+        return axes
 
     mesh, cell_tags, facet_tags = _gmsh.mesh_of(build, comm)
     found = comm.bcast(found, root=0)
@@ -188,23 +213,24 @@ def _with_sides(named: Domain, sides: Domain) -> Domain:
             name not in names and comm.allreduce(taken) == 0
         ):  # a side that the file names in part keeps the file's names
             names[name] = tuple(tag + offset for tag in members)
-    both = dmesh.meshtags(named.mesh, 1, indices[order].astype(np.int32), values[order])
+    both = dmesh.meshtags(named.mesh, tags.dim, indices[order].astype(np.int32), values[order])
     return Domain(named.mesh, named.cell_tags, both, named.cell_names, names)
 
 
-def _check_cell(cell: str) -> None:
-    if cell not in CELL_TYPES:
-        raise ValueError(f'cell="{cell}" must be "triangle" or "quadrilateral"')
+def _check_cell(cell: str, axes: int) -> None:
+    if cell not in CELL_NAMES[axes]:
+        raise ValueError(f'cell="{cell}" must be ' + " or ".join(f'"{name}"' for name in CELL_NAMES[axes]))
 
 
 def _named(mesh, lower, upper, span) -> Domain:
     """Domain of one kind of cells, with the sides of its bounding box named; span = x range of the plate."""
-    mesh.topology.create_connectivity(1, 2)
+    axes = mesh.topology.dim
+    mesh.topology.create_connectivity(axes - 1, axes)
     slack = 1e-9 * float(np.max(upper - lower))
-    sides = [(LEFT, 0, lower[0]), (RIGHT, 0, upper[0]), (BOTTOM, 1, lower[1]), (TOP, 1, upper[1])]
+    sides = [side for axis, tags in enumerate(SIDES[axes]) for side in zip(tags, (axis, axis), (lower[axis], upper[axis]))]
     facets, values = [], []
     for tag, axis, level in sides:
-        on_side = dmesh.locate_entities_boundary(mesh, 1, lambda x, a=axis, v=level: np.abs(x[a] - v) <= slack)
+        on_side = dmesh.locate_entities_boundary(mesh, axes - 1, lambda x, a=axis, v=level: np.abs(x[a] - v) <= slack)
         tags = np.full(len(on_side), tag)
         if tag == TOP and span is not None:
             ends = _compat.facet_vertices(mesh, on_side)[:, :, 0]
@@ -213,8 +239,8 @@ def _named(mesh, lower, upper, span) -> Domain:
         values.append(tags)
     facets, values = np.concatenate(facets), np.concatenate(values)
     order = np.argsort(facets, kind="stable")
-    facet_tags = dmesh.meshtags(mesh, 1, facets[order].astype(np.int32), values[order].astype(np.int32))
-    count = mesh.topology.index_map(2).size_local
-    cell_tags = dmesh.meshtags(mesh, 2, np.arange(count, dtype=np.int32), np.full(count, SOIL, dtype=np.int32))
-    names = {name: tags for name, tags in FACET_NAMES.items() if span is not None or name != "plate"}
+    facet_tags = dmesh.meshtags(mesh, axes - 1, facets[order].astype(np.int32), values[order].astype(np.int32))
+    count = mesh.topology.index_map(axes).size_local
+    cell_tags = dmesh.meshtags(mesh, axes, np.arange(count, dtype=np.int32), np.full(count, SOIL, dtype=np.int32))
+    names = {name: tags for name, tags in FACET_NAMES[axes].items() if span is not None or name != "plate"}
     return Domain(mesh, cell_tags, facet_tags, {"soil": (SOIL,)}, names)

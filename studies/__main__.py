@@ -18,6 +18,7 @@ STUDIES = {
     "interface": ("studies.interface_command", "a pulse through the overlap of particles and continuum: reflection"),
     "ucs": ("studies.rock_command:ucs", "unconfined compression of bonded rock over several random packings"),
     "brazilian": ("studies.rock_command:brazilian", "Brazilian test of bonded rock over several random packings"),
+    "cutting": ("studies.cutting_command", "rock cutting by a pick: particles, and particles with a continuum"),
     "calibrate": ("studies.calibrate_command", "micro parameters of bonded rock from its moduli and strengths"),
     "accuracy": ("studies.accuracy", "speed against error of a study over a list of settings"),
 }

@@ -1,7 +1,8 @@
 """A pulse through the interface of particles and continuum (Rojek & Onate 2007, section 7): how much of it comes back?
 
-A strip with restrained sides, free at x = 0 and fixed at x = L, is particles on the left (a square lattice, so that the wave
-is that of a chain), cells on the right and both in an overlap zone. A cosine of width l is released at the free end,
+A strip with restrained sides, free at x = 0 and fixed at x = L, is particles on the left (a square lattice, whose wave is that
+of a chain, or a hexagonal one), cells on the right. Both share an overlap zone (elimination or springs), or meet at a line
+with ghosts behind it (the variants of the bridging scale). A cosine of width l is released at the free end,
 u = A (cos(2 pi x / l) + 1): the half that travels to the right has the height A and the full width l. SI units, per metre of
 thickness.
 """
@@ -20,29 +21,38 @@ from studies.options import NOT_NEGATIVE, POSITIVE, SHARE, brief, check, paramet
 TITLE = "A pulse through the interface of particles and continuum: reflection and transmission"
 PUBLISHED_TRANSIT = 51.06e-6  # s, L / c with the paper's constants
 LARGEST_MAP = 2000  # settings
+OVERLAPPING = ("lagrange", "penalty")
+BRIDGING = ("subcycling", "multiplier", "respa", "resync", "paper")
+COUPLINGS = (*OVERLAPPING, *BRIDGING)
 
 
 @dataclass(frozen=True)
 class Parameters:
     """Parameters of the study."""
 
-    constraint: str = parameter("lagrange", "Tie of the run that is shown.", choices=("lagrange", "penalty"))
+    coupling: str = parameter(
+        "lagrange", "Coupling of the run that is shown: ties of the overlap, or variants of the bridging scale.", choices=COUPLINGS
+    )
+    lattice: str = parameter(
+        "square", "Lattice of the particles; hexagonal needs a Poisson's ratio of 0.25 at most.", choices=("square", "hexagonal")
+    )
     element: float = parameter(0.002, "Element size of that run.", "m", POSITIVE)
     overlap: float = parameter(0.05, "Width of its overlap zone.", "m", POSITIVE)
     wavelength: float = parameter(0.02, "Width l of its pulse.", "m", POSITIVE)
-    penalty: float = parameter(4.0, "Factor of its springs (constraint penalty), see docs/overlap.md.", "-", POSITIVE)
+    penalty: float = parameter(4.0, "Factor of its springs (coupling penalty), see docs/overlap.md.", "-", POSITIVE)
+    couplings: str = parameter("lagrange,penalty", "Couplings of the map.", "")
     elements: str = parameter("0.002,0.004,0.005", "Element sizes of the map.", "m")
     overlaps: str = parameter("0.01,0.02,0.03,0.05", "Overlap widths of the map.", "m")
     wavelengths: str = parameter("0.02,0.04", "Pulse widths of the map.", "m")
-    penalties: str = parameter("1,4,16", "Factors of the springs of the map, beside elimination.", "-")
+    penalties: str = parameter("1,4,16", "Factors of the springs of the map.", "-")
     wanted: float = parameter(0.01, "Reflection that is to be kept, a share of the pulse's height.", "-", SHARE)
     cell: str = parameter("triangle", "Cells.", choices=("triangle", "quadrilateral"))
-    continuum: str = parameter("cauchy", "Material of the cells.", choices=("cauchy", "cosserat"))
+    continuum: str = parameter("cauchy", "Material of the cells (bridging always: cosserat).", choices=("cauchy", "cosserat"))
     profile: str = parameter("linear", "Share of the continuum across the zone.", choices=("linear", "smooth"))
     length: float = parameter(0.3, "Length of the strip.", "m", POSITIVE)
-    width: float = parameter(0.01, "Width of the strip.", "m", POSITIVE)
+    width: float = parameter(0.01, "Width of the strip (hexagonal: the nearest that rows fill).", "m", POSITIVE)
     inner: float = parameter(0.1, "Where the overlap zone and the cells begin.", "m", POSITIVE)
-    radius: float = parameter(0.001, "Radius of the particles; their diameter divides the width.", "m", POSITIVE)
+    radius: float = parameter(0.001, "Radius of the particles (square: their diameter divides the width).", "m", POSITIVE)
     young_modulus: float = parameter(2e11, "Young's modulus E.", "Pa", POSITIVE)
     poisson_ratio: float = parameter(0.3, "Poisson's ratio of the cells.", "-", NOT_NEGATIVE, limits=(0, 0.49))
     density: float = parameter(7800.0, "Density.", "kg/m3", POSITIVE)
@@ -53,7 +63,12 @@ class Parameters:
     def __post_init__(self) -> None:
         check(self)
         rows = self.width / (2.0 * self.radius)
-        if abs(rows - round(rows)) > 1e-6 or round(rows) < 1:
+        if self.lattice == "hexagonal":
+            if self.poisson_ratio > 0.25:
+                raise ValueError(
+                    f"poisson_ratio={self.poisson_ratio:g} must be at most 0.25 with lattice=hexagonal, whose bonds have k_t = (1 - 4 nu) k_n"
+                )
+        elif abs(rows - round(rows)) > 1e-6 or round(rows) < 1:
             raise ValueError(f"radius={self.radius:g} must be such that discs fill width={self.width:g} m: a half, a fourth, ... of it")
         if len(self.settings()) > LARGEST_MAP:
             raise ValueError(f"the map has {len(self.settings())} settings; it must have at most {LARGEST_MAP}: shorten its lists")
@@ -64,7 +79,7 @@ class Parameters:
         """Raise a ValueError where the waves of a run would not stay apart."""
         if not s.wavelength >= 6.0 * self.radius:
             raise ValueError(f"wavelength={s.wavelength:g} must be at least three diameters, {6 * self.radius:g} m")
-        if not s.overlap >= 2.0 * self.radius:
+        if s.is_overlapping and not s.overlap >= 2.0 * self.radius:
             raise ValueError(f"overlap={s.overlap:g} must be at least a diameter of the particles, {2 * self.radius:g} m")
         if not s.element <= self.length - self.inner:
             raise ValueError(f"element={s.element:g} must be at most {self.length - self.inner:g} m, what is left for cells")
@@ -82,16 +97,25 @@ class Parameters:
     @property
     def shown(self) -> Setting:
         """The run that is shown."""
-        return Setting(self.constraint, self.wavelength, self.element, self.overlap, self.penalty)
+        overlap = self.overlap if self.coupling in OVERLAPPING else 0.0
+        return Setting(self.coupling, self.wavelength, self.element, overlap, self.penalty)
 
     def settings(self) -> list[Setting]:
         """The runs of the map."""
         waves, sizes, widths = (numbers(name, getattr(self, name)) for name in ("wavelengths", "elements", "overlaps"))
-        ties = [("lagrange", 0.0), *(("penalty", factor) for factor in numbers("penalties", self.penalties))]
-        return [
-            Setting(tie, wave, size, width, factor)
-            for wave, size, width, (tie, factor) in itertools.product(waves, sizes, widths, ties)
-        ]
+        found = []
+        for wave, size in itertools.product(waves, sizes):
+            for coupling in listed("couplings", self.couplings, COUPLINGS):
+                zones = widths if coupling in OVERLAPPING else [0.0]
+                factors = numbers("penalties", self.penalties) if coupling == "penalty" else [0.0]
+                found += [Setting(coupling, wave, size, width, factor) for width in zones for factor in factors]
+        return found
+
+    @property
+    def strip_width(self) -> float:
+        """Width of the strip, m: a whole number of rows."""
+        row = math.sqrt(3.0) * self.radius
+        return max(1, round(self.width / row)) * row if self.lattice == "hexagonal" else self.width
 
     @property
     def modulus(self) -> float:
@@ -110,18 +134,33 @@ class Parameters:
 
 
 class Setting(NamedTuple):
-    """What varies from run to run; lengths in m, `penalty` is zero for elimination."""
+    """What varies from run to run; lengths in m, `penalty` counts for springs, `overlap` is zero for bridging."""
 
-    constraint: str
+    coupling: str
     wavelength: float
     element: float
     overlap: float
     penalty: float
 
     @property
+    def is_overlapping(self) -> bool:
+        """Whether there is an overlap zone."""
+        return self.coupling in OVERLAPPING
+
+    @property
     def tie(self) -> str:
         """In words."""
-        return "elimination" if self.constraint == "lagrange" else f"springs, factor {self.penalty:g}"
+        if not self.is_overlapping:
+            return f"bridging, {self.coupling}"
+        return "elimination" if self.coupling == "lagrange" else f"springs, factor {self.penalty:g}"
+
+
+def listed(name: str, text: str, known: tuple[str, ...]) -> list[str]:
+    """Words of a list, each once."""
+    found = list(dict.fromkeys(part.strip() for part in text.split(",")))
+    if wrong := [word for word in found if word not in known]:
+        raise ValueError(f"{name}={brief(text)} must be words of {', '.join(known)} with commas between, not {wrong[0]!r}")
+    return found
 
 
 def numbers(name: str, text: str) -> list[float]:

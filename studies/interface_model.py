@@ -4,27 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from bridge import Overlap, OverlapZone
+from bridge import BridgingScale, Overlap, OverlapZone, nested_layout
 from continuum import Body, Cauchy, Cosserat
-from meshes import Box, HalfPlane, domains, packings
-from particles import Assembly, Bonded
+from continuum import Unstable as ContinuumUnstable
+from meshes import Box, HalfPlane, domains
+from particles import Unstable
 from studies.interface import Parameters, Setting
-
-
-def chain(p: Parameters, end: float, wavelength: float) -> Assembly:
-    """Bonded square lattice from x = 0 to `end` (m) with the pulse at rest in it; its mass fills the strip."""
-    law = Bonded(p.modulus, 0.0, math.inf, math.inf)
-    sites = packings.square(Box((0.0, 0.0), (end, p.width)), p.radius)
-    soil = Assembly(sites, p.radius, p.density * 4.0 / np.pi, law)
-    soil.bond(0.01)
-    moved = np.zeros((soil.count, 3))
-    moved[:, 0] = p.pulse(sites[:, 0], wavelength)
-    soil.displacements = moved
-    return soil
+from studies.interface_lattice import lattice, restrain
 
 
 class Strip:
@@ -32,38 +23,66 @@ class Strip:
 
     def __init__(self, p: Parameters, setting: Setting) -> None:
         self.parameters, self.setting = p, setting
-        outer = p.inner + setting.overlap
-        zone = OverlapZone(HalfPlane((p.inner, 0.0), (1.0, 0.0)), HalfPlane((outer, 0.0), (1.0, 0.0)), p.profile)
-        counts = [max(1, round(size / setting.element)) for size in (p.length - p.inner, p.width)]
-        domain = domains.rectangle((p.inner, 0.0), (p.length, p.width), counts, p.cell)
-        self.body = Body(domain, self._material(), share=zone)
+        self._make = self._overlapping() if setting.is_overlapping else self._bridging()
         self.body.fix("bottom", "y")
         self.body.fix("top", "y")
         self.body.fix("right", "xy")
-        self.soil = chain(p, outer, setting.wavelength)
-        side = np.abs(self.soil.reference[:, 1] - 0.5 * p.width) > 0.5 * p.width - 1.5 * p.radius
-        self.soil.hold(np.flatnonzero(side & (self.soil.reference[:, 0] < p.inner - 0.1 * p.radius)), "y")
-
-        def couple(step: float, substeps: int) -> Overlap:
-            return Overlap(
-                self.body, self.soil, zone, constraint=setting.constraint, penalty=setting.penalty or 1.0, step=step,
-                substeps=substeps,
-            )  # fmt: skip
-
-        self.critical = couple(1e-6 * p.radius / p.wave_speed, 1).critical_step(sharp=True)
+        outer = p.inner + setting.overlap
+        self.critical = self._critical(1)
         limit = self.critical
-        if p.substeps > 1:
-            self.critical = couple(1e-6 * p.radius / p.wave_speed, p.substeps).critical_step(sharp=True)
+        if p.substeps > 1 or not setting.is_overlapping:
+            self.critical = self._critical(p.substeps)
             limit = min(p.substeps * self.critical, self.body.critical_step("power"))
         self.step = p.step_ratio * limit
-        self.coupled = couple(self.step, p.substeps)
+        self.coupled = self._make(self.step, p.substeps)
+        if not setting.is_overlapping:
+            self.coupled.project_covered()  # the coarse part of the pulse
         self.given = self.soil.energies()["elastic_normal"]  # J, of the pulse
         self.before = Section(self.soil.reference[:, 0], p.inner - 0.5 * setting.wavelength)
         self.behind = Section(self.body.coordinates[:, 0], outer + 0.5 * setting.wavelength)
 
+    def _domain(self, start: float) -> Any:
+        """Cells from a place x (m) to the end."""
+        p = self.parameters
+        counts = [max(1, round(size / self.setting.element)) for size in (p.length - start, p.strip_width)]
+        return domains.rectangle((start, 0.0), (p.length, p.strip_width), counts, p.cell)
+
+    def _overlapping(self) -> Callable[[float, int], Any]:
+        """Make both sides with an overlap zone; returns what couples them with a step (s) and substeps."""
+        p, setting = self.parameters, self.setting
+        outer = p.inner + setting.overlap
+        zone = OverlapZone(HalfPlane((p.inner, 0.0), (1.0, 0.0)), HalfPlane((outer, 0.0), (1.0, 0.0)), p.profile)
+        self.body = Body(self._domain(p.inner), self._material(), share=zone)
+        self.soil = lattice(p, outer, setting.wavelength)
+        restrain(p, self.soil, p.inner)
+        return lambda step, substeps: Overlap(
+            self.body, self.soil, zone, constraint=setting.coupling, penalty=setting.penalty or 1.0, step=step, substeps=substeps
+        )
+
+    def _bridging(self) -> Callable[[float, int], Any]:
+        """Make both sides with ghosts behind the interface; returns what couples them with a step (s) and substeps."""
+        p, setting = self.parameters, self.setting
+        covered = Box((-p.inner, -p.inner), (p.inner, p.strip_width + p.inner))
+        self.body = Body(self._domain(0.0), self._material(), excluded=covered)
+        every = lattice(p, p.inner + 6.0 * p.radius, setting.wavelength)
+        layout = nested_layout(every.reference, p.radius, covered)
+        self.soil = lattice(p, p.inner + 6.0 * p.radius, setting.wavelength, layout.kept)
+        restrain(p, self.soil, p.inner)
+        variant = setting.coupling
+        return lambda step, substeps: BridgingScale(
+            self.body, self.soil, layout.ghost, layout.share, step=step, substeps=substeps, variant=variant
+        )
+
+    def _critical(self, substeps: int) -> float:
+        """Largest stable step of the particles, s, with the zone where there is one."""
+        if not self.setting.is_overlapping:
+            return self.soil.critical_step(sharp=True)
+        p = self.parameters
+        return self._make(1e-6 * p.radius / p.wave_speed, substeps).critical_step(sharp=True)
+
     def _material(self) -> Cauchy | Cosserat:
         p = self.parameters
-        if p.continuum == "cauchy":
+        if p.continuum == "cauchy" and self.setting.is_overlapping:
             return Cauchy(p.young_modulus, p.poisson_ratio, p.density)
         shear = 0.5 * p.young_modulus / (1.0 + p.poisson_ratio)
         return Cosserat(p.young_modulus, p.poisson_ratio, shear, p.radius, p.density)
@@ -87,16 +106,22 @@ class Strip:
         return {
             "time_s": self.time, "before_m": self.before.of(self.soil.displacements[:, 0]),
             "behind_m": self.behind.of(self.body.displacement[:, 0]), "kinetic_J": terms["kinetic"],
-            "elastic_J": self.given + terms["elastic"], "strain_J": terms["strain"], "penalty_J": terms["penalty"],
+            "elastic_J": self.given + terms["elastic"], "strain_J": terms["strain"], "penalty_J": terms.get("penalty", 0.0),
             "interface_J": terms["interface"], "balance_J": terms["balance"], "stretch_m": self.coupled.mismatch(),
         }  # fmt: skip
 
     def profile(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Places and mean displacements along x: of the columns of particles, of the columns of nodes, m."""
+        cells = self.body.coordinates[:, 0] > self.parameters.inner - 1e-9
         return (
             *columns(self.soil.reference[:, 0], self.soil.displacements[:, 0]),
-            *columns(self.body.coordinates[:, 0], self.body.displacement[:, 0]),
+            *columns(self.body.coordinates[cells, 0], self.body.displacement[cells, 0]),
         )
+
+    @property
+    def tied(self) -> int:
+        """Number of particles that are tied, or led (ghosts)."""
+        return len(self.coupled.tie.ids) if self.setting.is_overlapping else len(self.coupled.fine.ids)
 
 
 class Section:
@@ -119,7 +144,7 @@ def columns(places: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 class Passage(NamedTuple):
-    """What one run of the map found."""
+    """What one run of the map found; NaN where it became unstable."""
 
     setting: Setting
     reflection: float  # largest displacement that comes back, share of the pulse's height
@@ -137,13 +162,18 @@ def passage(p: Parameters, setting: Setting) -> Passage:
     """
     began = time.perf_counter()
     strip = Strip(p, setting)
-    alone = chain(p, p.length, setting.wavelength)
+    alone = lattice(p, p.length, setting.wavelength)
+    restrain(p, alone, p.length + p.radius)
     before, behind = (Section(alone.reference[:, 0], section.x) for section in (strip.before, strip.behind))
     outer = p.inner + setting.overlap
     travel = max(2.0 * outer - before.x, behind.x) + 0.75 * setting.wavelength
+    limit = alone.critical_step(sharp=True)
     found = []
     for _ in range(math.ceil(travel / p.wave_speed / strip.step)):
-        strip.advance(1)
+        try:
+            strip.advance(1)
+        except (ContinuumUnstable, Unstable):
+            return Passage(setting, math.nan, math.nan, math.nan, strip.step, strip.critical / limit, time.perf_counter() - began)
         alone.advance(p.substeps, strip.step / p.substeps)
         moved = alone.displacements[:, 0]
         found.append([
@@ -152,8 +182,7 @@ def passage(p: Parameters, setting: Setting) -> Passage:
         ])  # fmt: skip
     here, due_here, there, due_there = np.array(found).T
     back, sent = np.diff(here - due_here), np.diff(due_here)
-    lattice = math.sqrt(p.density * (2.0 * p.radius) ** 2 / p.modulus)  # 2 / (largest frequency) of a chain
     return Passage(
         setting, float(np.abs(here - due_here).max() / p.amplitude), float(there.max() / due_there.max()),
-        float(back @ back / (sent @ sent)), strip.step, strip.critical / lattice, time.perf_counter() - began,
+        float(back @ back / (sent @ sent)), strip.step, strip.critical / limit, time.perf_counter() - began,
     )  # fmt: skip

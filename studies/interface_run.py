@@ -118,8 +118,9 @@ def words(p: Parameters, advice: Advice) -> str:
     if advice.found is None:
         return head + f"no zone of the map keeps the reflection below {100 * p.wanted:g} %; take smaller elements"
     s = advice.found.setting
+    how = f"an overlap of {1e3 * s.overlap:g} mm with {s.tie}" if s.is_overlapping else f"the bridging scale ({s.coupling})"
     return head + (
-        f"an overlap of {1e3 * s.overlap:g} mm with {s.tie} reflects {100 * advice.found.reflection:.2g} %, at "
+        f"{how} reflects {100 * advice.found.reflection:.2g} %, at "
         f"{advice.found.step_of_lattice:.2f} of the lattice's critical step"
     )
 
@@ -129,7 +130,7 @@ def map_as_csv(passages: list[Passage]) -> str:
     buffer = io.StringIO()
     writer = csv.writer(buffer)
     writer.writerow([
-        "constraint", "wavelength_m", "element_m", "overlap_m", "penalty", "reflection", "transmission", "reflected_energy",
+        "coupling", "wavelength_m", "element_m", "overlap_m", "penalty", "reflection", "transmission", "reflected_energy",
         "step_s", "step_of_lattice", "seconds",
     ])  # fmt: skip
     for one in passages:
@@ -205,10 +206,10 @@ def summarise(
             "stretch": (outcome.column("stretch_m").max() / p.amplitude, "1", None),
         }  # fmt: skip
     return {
-        "study": "interface", "method": p.constraint, "seed": None, "parameters": asdict(p), "versions": output.versions(),
+        "study": "interface", "method": p.coupling, "seed": None, "parameters": asdict(p), "versions": output.versions(),
         "ranks": 1, "threads": 1,
         "counts": {
-            "particles": strip.soil.count, "tied": len(strip.coupled.tie.ids), "elements": len(strip.body.cell_nodes),
+            "particles": strip.soil.count, "tied": strip.tied, "elements": len(strip.body.cell_nodes),
             "coarse_steps": outcome.steps, "fine_steps": outcome.steps * p.substeps, "settings": len(passages),
         },
         "steps": {

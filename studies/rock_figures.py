@@ -11,8 +11,9 @@ import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 
 from studies import drawing
+from studies.cracks import cracks
 from studies.rock import Parameters
-from studies.rock_run import AVERAGING, Tested, crack_lines
+from studies.rock_run import AVERAGING, Tested
 
 MPA = 1e-6
 STRENGTH = {"ucs": "compressive_strength", "brazilian": "tensile_strength"}
@@ -70,7 +71,7 @@ def specimen(one: Tested, path: Path) -> None:
     drawn.colorbar(bar, ax=axes[0, 0], shrink=0.7, label="MPa")
     _place(axes[0, 0], p, title)
     later = _cracks(axes[0, 1], one)
-    _place(axes[0, 1], p, f"cracks: {len(one.model.cracks().time) - later} up to the peak (blue),\n{later} after it (orange)")
+    _place(axes[0, 1], p, f"cracks: {len(cracks(one.model.soil).time) - later} up to the peak (blue),\n{later} after it (orange)")
     last = one.states[-1]
     aside = 1e3 * last.displacement[:, 0]
     bar = _discs(axes[0, 2], last.positions, radii, aside, _symmetric(aside), "coolwarm")
@@ -113,7 +114,8 @@ def _cracks(ax: Any, one: Tested) -> int:
     soil = one.model.soil
     _discs(ax, soil.reference, soil.radii, np.zeros(soil.count), (-0.5, 5.0), "Greys")
     peak = one.outcome.history[int(np.argmax(one.outcome.column("plate_stress_Pa")))]["time_s"]
-    lines, later = crack_lines(one.model), one.model.cracks().time > peak
+    found = cracks(one.model.soil)
+    lines, later = found.lines, found.time > peak
     for part, colour in ((later, "#f08a24"), (~later, "#1f2f8f")):
         ax.add_collection(LineCollection(list(lines[part]), colors=colour, linewidths=1.3))
     return int(later.sum())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,17 +10,6 @@ from particles import Assembly, Wall, measures, shapes
 from particles.laws.bonded import Bonded
 from studies import packing_cache
 from studies.rock import Parameters
-
-
-class Cracks(NamedTuple):
-    """Bonds that have broken, in the order of time."""
-
-    time: np.ndarray  # (k,), s
-    pairs: np.ndarray  # (k, 2) ids of the discs
-    places: np.ndarray  # (k, 2), m
-    normals: np.ndarray  # (k, 2) from disc to disc as they were bonded
-    lengths: np.ndarray  # (k,) mean diameter of both, m
-    energies: np.ndarray  # (k,), J
 
 
 def specimen(p: Parameters, seed: int) -> Assembly:
@@ -121,23 +109,3 @@ class Specimen:
         self._peak = max(self._peak, row["plate_stress_Pa"])
         through = self.parameters.size[1] / (2.0 * self.radius)  # discs from plate to plate
         return row["cracks"] >= through and row["plate_stress_Pa"] <= self.parameters.drop * self._peak
-
-    def cracks(self) -> Cracks:
-        """Bonds that have broken so far."""
-        log = self.soil.breaks
-        pairs = log[:, 1:3].astype(np.int64)
-        branch = np.diff(self.soil.reference[pairs], axis=1)[:, 0]
-        normals = branch / np.linalg.norm(branch, axis=1)[:, None]
-        return Cracks(log[:, 0], pairs, log[:, 3:5], normals, self.soil.radii[pairs].sum(axis=1), log[:, 6])
-
-    def fragments(self) -> np.ndarray:
-        """Number (n,) of the fragment that each disc belongs to over bonds that hold; 0 is the largest."""
-        from scipy import sparse
-        from scipy.sparse.csgraph import connected_components
-
-        held, count = self.soil.bonds, self.soil.count
-        links = sparse.coo_matrix((np.ones(len(held)), (held[:, 0], held[:, 1])), shape=(count, count))
-        _, group = connected_components(links, directed=False)
-        rank: Any = np.empty(group.max() + 1, dtype=np.int64)
-        rank[np.argsort(-np.bincount(group), kind="stable")] = np.arange(group.max() + 1)
-        return rank[group]

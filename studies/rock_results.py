@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from bridge.run import Outcome
+from studies.cracks import cracks
 from studies.lab_model import elastic_constants
 from studies.rock import Compression
 from studies.rock_model import Specimen
@@ -62,9 +63,9 @@ def compression(model: Specimen, outcome: Outcome, elastic: np.ndarray, peak: in
     """
     stress, averaged = outcome.column("plate_stress_Pa"), outcome.column("averaged_stress_axial_Pa")
     axial, lateral = outcome.column("inner_strain_axial")[elastic], outcome.column("inner_strain_lateral")[elastic]
-    cracks = model.cracks()
-    across = cracks.normals[:, 0] ** 2
-    early = across[cracks.time <= outcome.column("time_s")[peak]]
+    broken = cracks(model.soil)
+    across = broken.normals[:, 0] ** 2
+    early = across[broken.time <= outcome.column("time_s")[peak]]
     young, poisson = slope(axial, stress[elastic]), -slope(axial, lateral)
     d = model.affine
     bound = elastic_constants(0.5 * (d[0, 0, 0, 0] + d[1, 1, 1, 1]), 0.5 * (d[0, 0, 1, 1] + d[1, 1, 0, 0]), 2)
@@ -88,7 +89,8 @@ def brazilian(model: Specimen, outcome: Outcome, elastic: np.ndarray, peak: int)
     stress = outcome.column("plate_stress_Pa")
     axial, lateral = outcome.column("averaged_stress_axial_Pa")[elastic], outcome.column("averaged_stress_lateral_Pa")[elastic]
     expected = elastic_disc(p.inner)
-    places, energies = model.cracks().places, model.cracks().energies
+    broken = cracks(model.soil)
+    places, energies = broken.places, broken.energies
     near = np.abs(places[:, 0]) < SPLIT * p.size[0]
     return {
         "tensile_strength": (stress[peak], "Pa"),

@@ -13,6 +13,7 @@ import numpy as np
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
+from studies.cracks import cracks, fragments
 from studies.rock import Parameters
 from studies.rock_model import Specimen
 from studies.rock_results import Results, results, spread
@@ -81,7 +82,7 @@ def state(model: Specimen) -> State:
     circle = AVERAGING * soil.radii.max()
     smooth = neighbourhood_average(soil.reference, soil.radii, raw, circle).reshape(-1, 2, 2) * (1.0 - model.porosity)
     load = 0.5 * float(model.plates[0].force[1] - model.plates[1].force[1])
-    return State(model.time, load, soil.positions, soil.displacements[:, :2], smooth, model.fragments())
+    return State(model.time, load, soil.positions, soil.displacements[:, :2], smooth, fragments(soil))
 
 
 def carry_out(
@@ -159,20 +160,11 @@ def _followed(
     return one
 
 
-def crack_lines(model: Specimen) -> np.ndarray:
-    """Ends (k, 2, 2) of the cracks, m: across the bonds that were, as long as the mean diameter of their discs."""
-    cracks = model.cracks()
-    along = 0.5 * cracks.lengths[:, None] * np.column_stack([-cracks.normals[:, 1], cracks.normals[:, 0]])
-    return np.stack([cracks.places - along, cracks.places + along], axis=1)
-
-
 def _write_crack_lines(series: output.Series, model: Specimen) -> None:
-    cracks = model.cracks()
-    lines = np.arange(2 * len(cracks.time)).reshape(-1, 2)
+    found = cracks(model.soil)
+    lines = np.arange(2 * len(found.time)).reshape(-1, 2)
     if len(lines):
-        series.write(
-            model.time, crack_lines(model).reshape(-1, 2), ("line", lines), None, {"time": cracks.time, "energy": cracks.energies}
-        )
+        series.write(model.time, found.lines.reshape(-1, 2), ("line", lines), None, {"time": found.time, "energy": found.energies})
 
 
 def write_cracks(path: Path, done: list[Tested]) -> None:
@@ -181,11 +173,11 @@ def write_cracks(path: Path, done: list[Tested]) -> None:
         writer = csv.writer(file)
         writer.writerow(["packing", "time_s", "strain", "x_m", "y_m", "normal_x", "normal_y", "energy_J", "first", "second"])
         for one in done:
-            p, cracks = one.model.parameters, one.model.cracks()
+            p, found = one.model.parameters, cracks(one.model.soil)
             rate = 2.0 * p.speed / p.size[1]
-            for k, time in enumerate(cracks.time):
-                numbers = (time, rate * time, *cracks.places[k], *cracks.normals[k], cracks.energies[k])
-                writer.writerow([one.model.seed, *(f"{number:.9g}" for number in numbers), *cracks.pairs[k]])
+            for k, time in enumerate(found.time):
+                numbers = (time, rate * time, *found.places[k], *found.normals[k], found.energies[k])
+                writer.writerow([one.model.seed, *(f"{number:.9g}" for number in numbers), *found.pairs[k]])
 
 
 def doubts(one: Tested) -> list[str]:

@@ -40,10 +40,13 @@ def test_the_scripts_on_particles_run_one_after_the_other(capsys, tmp_path, monk
     assert (tmp_path / "chains.vtu").exists()
 
 
-def test_the_script_on_the_overlap_keeps_its_energy(capsys):
-    (script,) = scripts("docs/overlap.md")
-    exec(compile(script, "docs/overlap.md", "exec"), {"__name__": "guide"})
-    balance, step = map(float, capsys.readouterr().out.split())
-    # stored at the start: one bond of each of five rows stretched by 1e-7 m
+def test_the_scripts_on_the_overlap_keep_their_energy(capsys):
+    plane, space = scripts("docs/overlap.md")
+    for script in (plane, space):
+        exec(compile(script, "docs/overlap.md", "exec"), {"__name__": "guide"})
+    (balance, step), (balance_in_space, step_in_space) = (map(float, line.split()) for line in capsys.readouterr().out.splitlines())
+    # stored at the start: one bond of each of five rows stretched by 1e-7 m, in space of four
     assert abs(balance) < 1e-6 * 5 * 0.5 * 2.69e11 * (1e-7) ** 2
+    assert abs(balance_in_space) < 1e-6 * 4 * 0.5 * 1e8 * (1e-7) ** 2
     assert 1.5e-7 < step < 3.4e-7  # at most that of the lattice alone, 2 / sqrt(4 k / m)
+    assert 1e-7 < step_in_space < 3.3e-7

@@ -37,8 +37,8 @@ class Overlap:
     follow the mesh, also where the motion of the body is written from outside; velocities that they are given do not count.
 
     Args:
-        body: Cauchy or Cosserat body whose `share` is the zone.
-        soil: Particles, none where the continuum is alone; they may fill a part of the zone only where the body ends.
+        body: Cauchy or Cosserat body, plane or in space, whose `share` is the zone.
+        soil: Discs, or spheres with a body in space; none where the continuum is alone; they may fill a part of the zone only where the body ends.
         zone: OverlapZone.
         constraint: "lagrange" or "penalty".
         rotation: Of tied particles: "micro" (the micro-rotation; default with a Cosserat body), "curl" (half the curl of the
@@ -48,6 +48,8 @@ class Overlap:
         step: Coarse time step, s.
         substeps: Particle steps in a coarse step.
         mass_damping: c_m of both, 1/s.
+        vector_damping: (alpha, alpha_r) of the particles that do not follow the mesh: force -alpha |F| v / |v| and moment
+            -alpha_r |T| w / |w| (eqs 25-26); with "lagrange" only.
 
     Supports, loads and gravity of the body and external forces of the particles must be set before; gravity is the body's and
     acts on the particles too.
@@ -68,23 +70,26 @@ class Overlap:
         step: float,
         substeps: int = 1,
         mass_damping: float = 0.0,
+        vector_damping: tuple[float, float] | None = None,
     ):
         if constraint not in CONSTRAINTS:
             raise ValueError(f"constraint={constraint!r} must be one of {', '.join(CONSTRAINTS)}")
         if rotation is None:
-            rotation = "micro" if body.components == 3 else "free"
+            rotation = "micro" if body.turns else "free"
         if rotation not in ROTATIONS:
             raise ValueError(f"rotation={rotation!r} must be one of {', '.join(ROTATIONS)}")
-        if rotation == "micro" and body.components != 3:
+        if rotation == "micro" and not body.turns:
             raise ValueError("rotation='micro' needs a Cosserat body; take 'curl' or 'free' with a Cauchy body")
         if int(substeps) != substeps or substeps < 1:
             raise ValueError(f"substeps={substeps} must be a whole number of at least 1")
         for name, value, least in (("step", step, 1), ("penalty", penalty, 1), ("mass_damping", mass_damping, 0)):
             if not (np.isfinite(value) and value >= 0.0 and (value > 0.0 or not least)):
                 raise ValueError(f"{name}={value} must be {'positive' if least else 'zero or positive'} and finite")
+        if vector_damping is not None and constraint != "lagrange":
+            raise ValueError(f"vector_damping={vector_damping} goes with constraint='lagrange' only; leave it out with springs")
         if body.share is not zone:
             raise ValueError("the body does not leave the zone's share to the particles: make it with share=zone, the same zone")
-        on_every_rank(body.comm, lambda: _check_plane(soil))
+        on_every_rank(body.comm, lambda: _check_axes(body, soil))
         self.body, self.soil, self.zone, self.constraint, self.rotation = body, soil, zone, constraint, rotation
         self.step, self.substeps, self.mass_damping = float(step), int(substeps), float(mass_damping)
         self.time, self.coarse_steps = 0.0, 0
@@ -97,7 +102,7 @@ class Overlap:
         if constraint == "penalty":
             springs = penalty * self.tie.spring_shares(normal_stiffness(soil), soil.radii)
         gravity = body.gravity_acceleration
-        self.fine = ZoneParticles(soil, self.tie, springs, self.step / self.substeps, mass_damping, gravity)
+        self.fine = ZoneParticles(soil, self.tie, springs, self.step / self.substeps, mass_damping, gravity, vector_damping)
         self._revision = body.boundaries.revision
         self.rule = OverlapRule(self)
         self._check_steps()
@@ -148,10 +153,10 @@ class Overlap:
     def mismatch(self) -> float:
         """Largest distance of a tied particle from the motion of the mesh at its place, m (collective)."""
         gap = self.fine.stretch(self.exchange.gather(self.mesh.displacement))
-        return float(self.body.comm.allreduce(np.abs(gap[:, :2]).max(initial=0.0), op=MPI.MAX))
+        return float(self.body.comm.allreduce(np.abs(gap[:, : self.body.axes]).max(initial=0.0), op=MPI.MAX))
 
     def multipliers(self) -> np.ndarray:
-        """Forces and moments (g, 3) of the tied particles `tie.ids` of this rank on the mesh, N and N m; zero where free.
+        """Forces and moments (g, 3), in space (g, 6), of the tied particles `tie.ids` of this rank on the mesh, N and N m; zero where free.
 
         lambda = F - M a with the weighted contact forces F (lagrange), k times the stretch (penalty).
         """
@@ -162,7 +167,7 @@ class Overlap:
         return np.where(self.tie.tied, force - self.fine.masses * accelerations, 0.0)
 
     def energies(self) -> dict[str, float]:
-        """Energies of the whole system since the start, J per metre (collective).
+        """Energies of the whole system since the start, J, in the plane per metre (collective).
 
         Kinetic and elastic energy of the particles' part, kinetic and strain energy of the continuum's; `penalty`, stored in
         the springs; what friction, dashpots, damping, opened and broken contacts took; `external` work of walls, loads and
@@ -172,7 +177,7 @@ class Overlap:
         terms = self._terms()
         result = {name: terms[name] - self._initial[name] for name in terms}
         stored = sum(result[name] for name in ("kinetic", "elastic", "strain", "penalty"))
-        lost = sum(result[name] for name in ("friction", "viscous", "contact_loss", "mass_damping", "interface"))
+        lost = sum(result[name] for name in ("friction", "viscous", "contact_loss", "mass_damping", "local_damping", "interface"))
         result["balance"] = stored + lost - result["external"] - result.pop("stepping")
         return result
 
@@ -191,9 +196,10 @@ class Overlap:
         return result
 
 
-def _check_plane(soil: Any) -> None:
-    if soil.axes != 2:
-        raise ValueError("the overlap coupling is plane, as the continuum is: give discs, not spheres")
+def _check_axes(body: Any, soil: Any) -> None:
+    if soil.count and soil.axes != body.axes:
+        kinds = {2: "discs with a plane body", 3: "spheres with a body in space"}
+        raise ValueError(f"particles have {soil.axes} axes, the body has {body.axes}: {kinds[2]}, {kinds[3]}")
 
 
 def _check_held(soil: Any, ids: np.ndarray) -> None:

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from bridge.overlap.mass import factored, rows_of, solve
 from bridge.overlap.nodes import ZoneNodes
 from bridge.overlap.steps import Tied, run_penalised, run_tied
-from bridge.overlap.tie import Tie
+from bridge.overlap.tie import Tie, by_component
 from bridge.particle_side import ParticleSide
 from particles.dispatch import Direct
 
 Array = NDArray[np.float64]
 
+PLACES, SPEEDS = ("position", "rotation"), ("velocity", "spin")  # arrays of the particle rows
 _run_tied, _run_penalised, _solve = map(Direct, (run_tied, run_penalised, solve))
 
 
@@ -24,26 +25,31 @@ class ZoneParticles(ParticleSide):
     Args:
         soil: Assembly, weighed already.
         tie: Tied particles.
-        stiffness: (g, 3) of springs, or None where the tied components are eliminated.
+        stiffness: (g, f) of springs, or None where the tied components are eliminated.
         step: Particle time step, s.
         mass_damping: c_m, 1/s.
         gravity: m/s2.
+        vector_damping: (alpha, alpha_r) of the particles that are not eliminated, or None.
     """
 
     ENERGY_NAMES = (
-        "kinetic", "elastic", "friction", "viscous", "contact_loss", "mass_damping", "external", "penalty", "stepping",
+        "kinetic", "elastic", "friction", "viscous", "contact_loss", "mass_damping", "local_damping", "external", "penalty",
+        "stepping",
     )  # fmt: skip
 
-    def __init__(self, soil, tie: Tie, stiffness: Array | None, step: float, mass_damping: float, gravity):
-        super().__init__(soil, step, mass_damping, gravity)
-        self.tie, self.eliminated = tie, stiffness is None
-        count, width = len(tie.ids), len(tie.exchange.nodes)
-        self.masses = np.column_stack([soil.masses, soil.masses, soil.inertias])[tie.ids]
-        self.stiffness = np.zeros((count, 3)) if stiffness is None else np.where(tie.tied, stiffness, 0.0)
-        self.force, self._origin = np.zeros((count, 3)), np.zeros((count, 3))
+    def __init__(
+        self, soil, tie: Tie, stiffness: Array | None, step: float, mass_damping: float, gravity, vector_damping=None
+    ):
+        super().__init__(soil, step, mass_damping, gravity, vector_damping)
+        self.tie, self.eliminated, self._axes = tie, stiffness is None, len(gravity)
+        shape, width = tie.tied.shape, len(tie.exchange.nodes)
+        self.all_masses = by_component(soil.masses, soil.inertias, self._axes)  # (n, f)
+        self.masses = self.all_masses[tie.ids]
+        self.stiffness = np.zeros(shape) if stiffness is None else np.where(tie.tied, stiffness, 0.0)
+        self.force, self._origin = np.zeros(shape), np.zeros(shape)
         self.nodes = ZoneNodes._make([*(np.zeros(3 * width) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1)])
-        self.external = soil.external_forces[tie.ids]
-        loads = self.masses * [*gravity, 0.0] + tie.share[tie.ids, None] * self.external
+        self.external = soil.external_forces[tie.ids].reshape(shape)
+        loads = self.masses * [*gravity, *np.zeros(shape[1] - self._axes)] + tie.share[tie.ids, None] * self.external
         self.load = np.where(tie.tied & self.eliminated, loads, 0.0)  # of the mesh, where components are eliminated
 
     def set_nodes(
@@ -67,9 +73,30 @@ class ZoneParticles(ParticleSide):
         self._inner = rows_of(stiffness)
         if self.soil.count:
             self._prepare(1)
-            self._origin[:] = self.soil.system.position[self._led.rows, :3]
-            self._origin -= (tie @ displacement.ravel()).reshape(-1, 3)
-            self._origin[:, 2] = np.where(self.tie.tied[:, 2], self._origin[:, 2], 0.0)
+            self._origin[:] = self._present(*PLACES)
+            self._origin -= self._led_by(displacement)
+            turning = self._origin[:, self._axes :]
+            turning[:] = np.where(self.tie.tied[:, self._axes :], turning, 0.0)
+
+    def _rows(self, names: tuple[str, ...]) -> list[Array]:
+        """Arrays of the particle rows: of translations (in the plane of all components) and, in space, of rotations."""
+        found = [getattr(self.soil.system, name) for name in names]
+        return [rows for rows in found if rows is not None]
+
+    def _present(self, *names: str) -> Array:
+        """Components (g, f) of the tied particles."""
+        return np.hstack([rows[self._led.rows, :3] for rows in self._rows(names)])
+
+    def _assign(self, names: tuple[str, ...], values: Array) -> None:
+        """Write tied components of values (g, f)."""
+        for part, rows in enumerate(self._rows(names)):
+            which = slice(3 * part, 3 * part + 3)
+            own = rows[self._led.rows, :3]
+            rows[self._led.rows, :3] = np.where(self.tie.tied[:, which], values[:, which], own)
+
+    def _led_by(self, nodal: Array) -> Array:
+        """What the mesh gives to the tied particles (g, f), from nodes (w, 3)."""
+        return (self.tie.matrix @ nodal.ravel()).reshape(self.tie.tied.shape)
 
     def _order(self, rows, order) -> None:
         matrix = self.tie.matrix
@@ -124,19 +151,17 @@ class ZoneParticles(ParticleSide):
     def kick(self, velocity: Array) -> None:
         """Add a change of the nodes' velocity (w, 3) to the components that follow them."""
         if self.eliminated and self.soil.count:
-            self.soil.system.velocity[self._led.rows, :3] += (self.tie.matrix @ velocity.ravel()).reshape(-1, 3)
+            self._assign(SPEEDS, self._present(*SPEEDS) + self._led_by(velocity))
 
     def follow_mesh(self, displacement: Array, velocity: Array) -> None:
         """Put eliminated components where the nodal motion (w, 3) says; with linear contacts, compute the forces anew."""
         if not self.soil.count:
             return
-        system, led, tie = self.soil.system, self._led, self.tie
         if self.eliminated:
-            for rows, values in ((system.position, displacement), (system.velocity, velocity)):
-                led_rows = rows[led.rows, :3]
-                wanted = (tie.matrix @ values.ravel()).reshape(-1, 3) + (self._origin if rows is system.position else 0.0)
-                rows[led.rows, :3] = np.where(tie.tied, wanted, led_rows)
+            self._assign(PLACES, self._led_by(displacement) + self._origin)
+            self._assign(SPEEDS, self._led_by(velocity))
         if self.linear is not None:
+            system = self.soil.system
             shape = (3 * self.soil.count, 3 * self.soil.count)
             matrix = sparse.csr_matrix((self.linear.value, self.linear.column, self.linear.start), shape=shape)
             moved = system.position[:, :3] - self._reference
@@ -154,12 +179,11 @@ class ZoneParticles(ParticleSide):
         return [self.force, self.nodes.lost, self.nodes.work, self.load, self._origin]
 
     def stretch(self, displacement: Array) -> Array:
-        """Motion of the tied particles beyond that of the mesh (g, 3), m and rad; zero for components that are free."""
+        """Motion of the tied particles beyond that of the mesh (g, f), m and rad; zero for components that are free."""
         if not self.soil.count:
-            return np.zeros((0, 3))
+            return np.zeros(self.tie.tied.shape)
         self._arrange()
-        moved = self.soil.system.position[self._led.rows, :3] - self._origin
-        return np.where(self.tie.tied, moved - (self.tie.matrix @ displacement.ravel()).reshape(-1, 3), 0.0)
+        return np.where(self.tie.tied, self._present(*PLACES) - self._origin - self._led_by(displacement), 0.0)
 
     def energies(self, displacement: Array) -> list[float]:
         """Energies (J) in the order of `ENERGY_NAMES`."""
@@ -168,21 +192,17 @@ class ZoneParticles(ParticleSide):
         sums = self._sums()
         sums["mass_damping"] += float(self.nodes.lost[0])
         sums["penalty"] = 0.5 * float(np.vdot(self.stiffness, self.stretch(displacement) ** 2))
-        masses, accelerations = self.soil.masses[:, None] * [1.0, 1.0, 0.0], self.soil.accelerations
-        masses[:, 2] = self.soil.inertias
-        sums["stepping"] = self.step**2 / 8.0 * float(np.sum(masses * accelerations**2))
+        sums["stepping"] = self.step**2 / 8.0 * float(np.sum(self.all_masses * self.soil.accelerations**2))
         return [sums[name] for name in self.ENERGY_NAMES]
 
     def start(self, force: Array) -> Array:
         """Accelerations of the nodes (w, 3) under the continuum's force (w, 3) and the particles'; tied components take them."""
         if not self.soil.count:
             return np.zeros_like(force)
-        system, rows, tie = self.soil.system, self._led.rows, self.tie
         if self.eliminated:
-            felt = np.where(tie.tied, system.force[rows, :3] - self.load, 0.0)
-            force = force + (tie.matrix.T @ felt.ravel()).reshape(-1, 3)
+            felt = np.where(self.tie.tied, self._present("force", "torque") - self.load, 0.0)
+            force = force + (self.tie.matrix.T @ felt.ravel()).reshape(-1, 3)
         found = self.solve(force)
         if self.eliminated:
-            led = (tie.matrix @ found.ravel()).reshape(-1, 3)
-            system.acceleration[rows, :3] = np.where(tie.tied, led, system.acceleration[rows, :3])
+            self._assign(("acceleration", "angular"), self._led_by(found))
         return found

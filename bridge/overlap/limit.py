@@ -51,9 +51,10 @@ def system(coupled) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
     fine, tie = coupled.fine, coupled.tie
     stiffness, lumped, free, nodes = _nodes(coupled)
     matrix = tie.matrix @ nodes
-    soil, count = fine.soil, 3 * fine.soil.count
-    own = (3 * tie.ids[:, None] + np.arange(3)).ravel()
-    weights = np.column_stack([soil.masses, soil.masses, soil.inertias]).ravel()
+    soil, freedoms = fine.soil, fine.soil.freedoms
+    count = freedoms * soil.count
+    own = (freedoms * tie.ids[:, None] + np.arange(freedoms)).ravel()
+    weights = fine.all_masses.ravel()
     contacts = soil.stiffness_matrix(TOUCHING, walls=True)
     at = sparse.csr_matrix((np.ones(len(own)), (np.arange(len(own)), own)), shape=(len(own), count))
     alone = np.arange(count)

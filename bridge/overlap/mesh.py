@@ -1,4 +1,4 @@
-"""The nodes of a body with three components each, whatever the body has: a Cauchy body gets a rotation that does not move."""
+"""The nodes of a body with three components each: a plane Cauchy body, which has two, gets a rotation that does not move."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 class ThreeComponents:
     """Motion, mass and forces of a body as arrays (owned nodes, 3).
 
-    `receive` and `send` exchange the motion with a body of two components; a Cosserat body's own arrays are used as they are.
+    `receive` and `send` exchange the motion with a body of two components; those of a Cosserat body and of one in space are used as they are.
     """
 
     def __init__(self, body: Any):

@@ -24,7 +24,8 @@ class Tie:
     Attributes:
         ids: (g,) tied particles.
         exchange: NodeExchange of the w needed nodes.
-        matrix: G (3 g, 3 w), motion of the tied particles from that of the nodes; an empty row is a free component.
+        matrix: G (f g, 3 w), motion of the tied particles from that of the nodes; an empty row is a free component. Particles
+            have f = 3 components (x, y, rotation) in the plane, 6 in space; nodes (x, y, rotation) or (x, y, z).
         share: (n,) share of contacts and loads that particles carry, 1 - alpha.
         mass_share: (n,) share of their mass, 1 - alpha with a floor.
 
@@ -47,42 +48,50 @@ class Tie:
         self.ids = np.flatnonzero(_in_zone(soil, zone))
         if body.comm.allreduce(len(self.ids)) == 0:
             raise ValueError("no particle lies in the overlap zone: move its faces, or fill it with particles")
-        points = soil.reference[self.ids].reshape(-1, 2)
+        self._axes, self._freedoms = body.axes, 3 * (body.axes - 1)
+        points = soil.reference[self.ids].reshape(-1, body.axes)
         nodes, shape, found = body.shape_functions(points, gradients=True)
         on_every_rank(body.comm, lambda: _check_found(self.ids, points, np.asarray(found)))
         self.exchange = NodeExchange(body.comm, body.owned_range, nodes)
         self.matrix = _tie_matrix(np.searchsorted(self.exchange.nodes, nodes), shape, len(self.exchange.nodes), rotation)
 
     def spring_shares(self, stiffness: Array, radii: Array) -> Array:
-        """alpha (1 - alpha) of stiffnesses (n,) for the tied particles (g, 3), turning times the radius squared.
+        """alpha (1 - alpha) of stiffnesses (n,) for the tied particles (g, f), turning times the radius squared.
 
         Particle and mesh carry 1 - alpha and alpha of a mass, so that every spring swings as fast as a contact does.
         """
         both = (self._mesh_share * self.mass_share * stiffness)[self.ids, None]
-        return both * np.column_stack([np.ones((len(self.ids), 2)), radii[self.ids] ** 2])
+        return both * by_component(np.ones(len(self.ids)), radii[self.ids] ** 2, self._axes)
 
     @property
     def tied(self) -> NDArray[np.bool_]:
-        """Which components (g, 3) of the tied particles are tied."""
-        return np.diff(self.matrix.indptr).reshape(-1, 3) > 0
+        """Which components (g, f) of the tied particles are tied."""
+        return np.diff(self.matrix.indptr).reshape(-1, self._freedoms) > 0
+
+
+def by_component(moving: Array, turning: Array, axes: int) -> Array:
+    """One number of each particle (n,) for translations and one for rotations, as (n, f)."""
+    return np.hstack([np.repeat(moving[:, None], axes, axis=1), np.repeat(turning[:, None], 2 * axes - 3, axis=1)])
 
 
 def _tie_matrix(columns, shape: Array, width: int, rotation: str) -> sparse.csr_matrix:
-    """G from the nodes' places (g, nodes a cell) and values and derivatives (g, nodes a cell, 3) of their shape functions."""
-    count, per_cell = columns.shape
+    """G from the nodes' places (g, nodes a cell) and values and derivatives (g, nodes a cell, 1 + axes) of shape functions."""
+    (count, per_cell), axes = columns.shape, shape.shape[2] - 1
+    freedoms = 3 * (axes - 1)
     particle = np.repeat(np.arange(count), per_cell)
-    node, values = columns.ravel(), shape.reshape(-1, 3).copy()
+    node, values = columns.ravel(), shape.reshape(-1, 1 + axes).copy()
     values[np.abs(values[:, 0]) < 1e-14, 0] = 0.0  # a point on an edge has no share in the nodes across
-    n, by_x, by_y = values.T
-    entries = [(0, 0, n), (1, 1, n)]
+    n, *slopes = values.T
+    entries = [(axis, axis, n) for axis in range(axes)]
     if rotation == "micro":
         entries.append((2, 2, n))
     elif rotation == "curl":
-        entries += [(2, 1, 0.5 * by_x), (2, 0, -0.5 * by_y)]
-    rows = np.concatenate([3 * particle + to for to, _, _ in entries])
+        for to, first, second in [(2, 0, 1)] if axes == 2 else [(3, 1, 2), (4, 2, 0), (5, 0, 1)]:
+            entries += [(to, second, 0.5 * slopes[first]), (to, first, -0.5 * slopes[second])]
+    rows = np.concatenate([freedoms * particle + to for to, _, _ in entries])
     places = np.concatenate([3 * node + component for _, component, _ in entries])
     data = np.concatenate([value for _, _, value in entries])
-    matrix = sparse.csr_matrix((data, (rows, places)), shape=(3 * count, 3 * width))
+    matrix = sparse.csr_matrix((data, (rows, places)), shape=(freedoms * count, 3 * width))
     matrix.eliminate_zeros()
     return matrix
 

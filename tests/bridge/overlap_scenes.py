@@ -38,10 +38,10 @@ def parts(
     return body, soil, zone
 
 
-def coupled(kind="square", *, ratio=0.5, substeps=1, constraint="lagrange", rotation=None, penalty=4.0, mass_damping=0.0, **scene):
+def coupled(kind="square", *, ratio=0.5, substeps=1, constraint="lagrange", rotation=None, penalty=4.0, mass_damping=0.0, vector_damping=None, **scene):  # fmt: skip
     """The scene with a step that is a part of the critical ones."""
     body, soil, zone = parts(kind, **scene)
-    ties = {"constraint": constraint, "rotation": rotation, "penalty": penalty, "mass_damping": mass_damping}
+    ties = {"constraint": constraint, "rotation": rotation, "penalty": penalty, "mass_damping": mass_damping, "vector_damping": vector_damping}
     limit = Overlap(body, soil, zone, step=1e-9, **ties).critical_step(sharp=True)
     if substeps > 1:
         limit = min(substeps * limit, body.critical_step("power"))

@@ -126,6 +126,21 @@ def test_energy_is_accounted_for_with_one_substep(constraint, rotation, mass_dam
     assert np.abs(errors).max() < 1e-4 * start
 
 
+def test_damping_against_the_motion_of_free_particles_is_booked():
+    """It takes a share of the force on what does not follow the mesh (Rojek & Onate, eqs 25-26); booked to second order."""
+    errors = []
+    for ratio in (0.5, 0.25):
+        made = shaken(law=bonded(), constraint="lagrange", rotation="free", ratio=ratio, vector_damping=(0.2, 0.2))
+        made.soil.bond(0.01)
+        start = made.energies()["kinetic"]
+        made.advance(round(300 / ratio))
+        energies = made.energies()
+        assert energies["local_damping"] > 0.5 * start
+        errors.append(energies["balance"] - start)
+    assert abs(errors[1]) < 2e-3 * start
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+
+
 def bonded():
     return Bonded(2.5e8, 5e7, np.inf, np.inf)
 

@@ -68,7 +68,7 @@ def element_energy(material, corners, weights_of, displacement):
     """1/2 u K u of one element by the rule of cut cells with given factors, in numpy."""
     from continuum._compat import quadrature_rule
 
-    points, weights = quadrature_rule("quadrilateral", cuts.CUT_DEGREE[4])
+    points, weights = quadrature_rule("quadrilateral", cuts.CUT_DEGREE["quadrilateral"])
     return quadratic_form(
         material, corners, points, weights * cells.determinants(corners, points) * weights_of, displacement
     )

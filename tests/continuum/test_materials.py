@@ -39,7 +39,7 @@ def test_moduli_of_a_packing_give_back_the_isotropic_material():
     measured = Cosserat.from_moduli(material.stiffness, material.couple, density=2042.0)
     assert np.array_equal(measured.stiffness, material.stiffness)
     assert measured.poisson_ratio == pytest.approx(0.2, rel=1e-14)
-    assert measured.components == 3
+    assert measured.turns
 
 
 @pytest.mark.parametrize(

@@ -80,10 +80,17 @@ MeshSize{:} = 0.3;
 """
 
 
-def write_mesh(path, groups="", option="-2"):
-    """A .msh file of two joined rectangles, by gmsh in a process of its own."""
+BLOCK = """
+SetFactory("OpenCASCADE");
+Box(9) = {5, 0, 0, 2, 1, 3};
+MeshSize{:} = 1;
+"""
+
+
+def write_mesh(path, groups="", option="-2", parts=GEOMETRY):
+    """A .msh file of two joined rectangles, or of other parts, by gmsh in a process of its own."""
     geometry = path.with_suffix(".geo")
-    geometry.write_text(GEOMETRY + groups)
+    geometry.write_text(parts + groups + "\n")
     code = (
         "import gmsh, sys; gmsh.initialize(); gmsh.option.setNumber('General.Terminal', 0); gmsh.open(sys.argv[1]);"
         f"gmsh.model.mesh.generate({option.strip('-')}); gmsh.write(sys.argv[2]); gmsh.finalize()"
@@ -122,14 +129,49 @@ def test_unreadable_files_are_named(tmp_path, content, words):
         domains.read(path)
 
 
-def test_files_that_are_not_plane_are_named(tmp_path):
-    with pytest.raises(ValueError, match="holds no plane elements"):
+def test_files_with_other_elements_are_named(tmp_path):
+    with pytest.raises(ValueError, match="holds no plane elements nor volumes"):
         domains.read(write_mesh(tmp_path / "lines.msh", option="-1"))
-    solid = tmp_path / "solid.msh"
-    with pytest.raises(ValueError, match="must be plane, but it holds volume elements"):
-        domains.read(write_mesh(solid, "Box(9) = {5, 0, 0, 1, 1, 1}; MeshSize{:} = 1;", option="-3"))
     with pytest.raises(ValueError, match="not Triangle 6"):
         domains.read(write_mesh(tmp_path / "curved.msh", "Mesh.ElementOrder = 2;"))
+    with pytest.raises(ValueError, match="4-node tetrahedra or 8-node hexahedra, not Tetrahedron 10"):
+        domains.read(write_mesh(tmp_path / "solid.msh", "Mesh.ElementOrder = 2;", "-3", BLOCK))
+    with pytest.raises(ValueError, match="nodes outside its volumes"):
+        domains.read(write_mesh(tmp_path / "mixed.msh", "Box(9) = {5, 0, 0, 1, 1, 1};", "-3"))
+
+
+HEXAHEDRA = "Transfinite Curve{:} = 4; Transfinite Surface{:}; Recombine Surface{:}; Transfinite Volume{9};"
+
+
+@pytest.mark.parametrize("more, corners_a_cell", [("", 4), (HEXAHEDRA, 8)])
+def test_own_mesh_of_volumes(more, corners_a_cell, tmp_path):
+    """One face is named by the file, the others by position."""
+    groups = 'Physical Volume("rock") = {9}; Physical Surface("pick") = Surface In BoundingBox {4.9, -1, 2.9, 8, 2, 3.1};'
+    domain = domains.read(write_mesh(tmp_path / "solid.msh", groups + more, "-3", BLOCK))
+    body = Body(domain, Cauchy(1e9, 0.2, 1.0))
+    assert body.cell_nodes.shape[1] == corners_a_cell
+    assert domain.bounds == pytest.approx(np.array([[5, 0, 0], [7, 1, 3]]), abs=1e-12)
+    assert cells.measures(body.cell_corners)[domain.cells("rock")].sum() == pytest.approx(6, rel=1e-12)
+    for name, area in (("left", 3), ("right", 3), ("front", 6), ("back", 6), ("bottom", 2), ("pick", 2)):
+        before = body.external_force()[:, 0].sum()
+        body.traction(name, (1.0, 0.0, 0.0))
+        assert body.external_force()[:, 0].sum() - before == pytest.approx(area, rel=1e-12)
+    with pytest.raises(ValueError, match='facets "top" are unknown'):
+        domain.facets("top")
+
+
+@pytest.mark.parametrize("kind", ["tetrahedron", "hexahedron"])
+def test_structured_box(kind):
+    domain = domains.box((0, 0, 1), (2, 1, 4), (4, 2, 3), kind)
+    points = corners(domain)
+    assert len(points) == 24 * (6 if kind == "tetrahedron" else 1)
+    assert cells.measures(points) == pytest.approx(np.full(len(points), 6 / len(points)), rel=1e-12)
+    assert domain.bounds.tolist() == [[0, 0, 1], [2, 1, 4]]
+    from meshes._compat import facet_vertices
+
+    sides = {"left": (0, 0), "right": (0, 2), "front": (1, 0), "back": (1, 1), "bottom": (2, 1), "top": (2, 4)}
+    for name, (axis, level) in sides.items():
+        assert np.all(facet_vertices(domain.mesh, domain.facets(name))[..., axis] == level)
 
 
 def test_a_session_of_gmsh_that_is_open_stays_open():
@@ -157,6 +199,9 @@ def test_a_session_of_gmsh_that_is_open_stays_open():
         (lambda: domains.rectangle((0, 0), (1, 1), (1.5, 3)), "cells=.* must be"),
         (lambda: domains.rectangle((0, 0), (1, 1), (1, 1), "hexagon"), 'cell="hexagon" must be'),
         (lambda: domains.rectangle((0, 0), (1, 1), (1, 1), plate=3.0), "plate=3.0 must be"),
+        (lambda: domains.box((0, 0), (1, 1)), r"both \(x, y, z\)"),
+        (lambda: domains.box((0, 0, 0), (1, 1, 1), (3, 3)), "three positive whole numbers"),
+        (lambda: domains.box((0, 0, 0), (1, 1, 1), (1, 1, 1), "triangle"), 'cell="triangle" must be "tetrahedron" or'),
         (lambda: domains.foundation(width=-1), "width=-1 must be positive"),
         (lambda: domains.foundation(size=np.nan), "size=nan must be positive"),
         (lambda: domains.foundation(plate=20), "plate=20 must be narrower"),

@@ -11,6 +11,8 @@ from click.testing import CliRunner
 from studies import rock_run
 from studies.calibrate import Targets
 from studies.calibrate_command import command as calibrate
+from studies.cracks import cracks as cracks_of
+from studies.cracks import fragments
 from studies.options import shown_default
 from studies.rock import Brazilian, Compression
 from studies.rock_command import brazilian, ucs
@@ -137,7 +139,7 @@ def test_stresses_in_the_middle_of_the_disc_are_those_of_elasticity_and_it_split
 
 
 def test_fragments_are_what_bonds_hold_together(split):
-    groups, held = split.model.fragments(), split.model.soil.bonds
+    groups, held = fragments(split.model.soil), split.model.soil.bonds
     assert (groups[held[:, 0]] == groups[held[:, 1]]).all()
     sizes = np.bincount(groups)
     assert (np.diff(sizes) <= 0).all() and sizes.sum() == split.model.soil.count
@@ -146,7 +148,7 @@ def test_fragments_are_what_bonds_hold_together(split):
 @pytest.mark.parametrize("name", ["compressed", "split"])
 def test_cracks_are_the_bonds_that_no_longer_hold(name, request):
     one = request.getfixturevalue(name)
-    cracks = one.model.cracks()
+    cracks = cracks_of(one.model.soil)
     assert len(cracks.time) == len(one.model.bonds) - len(one.model.soil.bonds)
     assert (np.diff(cracks.time) >= 0.0).all()
     assert cracks.energies.min() >= -1e-9 * cracks.energies.max()  # to rounding where only friction is lost

@@ -1,0 +1,43 @@
+"""Bodies of tetrahedra and hexahedra that the tests in space share."""
+
+import numpy as np
+
+from continuum import Body, Cauchy
+from meshes import domains
+
+ROCK = Cauchy(18e9, 0.25, 2600.0)
+SIZE, CELLS = np.array([2.0, 1.5, 1.0]), (4, 3, 3)  # m
+
+
+def distorted_box(cell, amount=0.2):
+    """Box whose inner nodes are moved by up to `amount` of a cell in each direction."""
+    domain = domains.box((0, 0, 0), SIZE, CELLS, cell)
+    points = domain.mesh.geometry.x.copy()
+    inner = within(points)
+    for axis in range(3):
+        wave = np.sin(13.0 * points[:, 0] + 7.0 * points[:, 1] - 5.0 * points[:, 2] + 2.0 * axis)
+        domain.mesh.geometry.x[inner, axis] += amount * SIZE[axis] / CELLS[axis] * wave[inner]
+    return domain
+
+
+def within(points):
+    """Points (n, 3) that do not lie on the surface."""
+    return np.all((points > 1e-9) & (points < SIZE - 1e-9), axis=1)
+
+
+def distorted_body(cell, material=ROCK, **options):
+    return Body(distorted_box(cell), material, **options)
+
+
+def dense_stiffness(body):
+    """Stiffness as an array, column by column from internal forces."""
+    return np.array([body.internal_force(row.reshape(body.mass.shape)).ravel() for row in np.eye(body.mass.size)])
+
+
+def solve(body, prescribed):
+    """Displacements in equilibrium, with `prescribed` values on the fixed components and the body's loads."""
+    stiffness, fixed = dense_stiffness(body), body.fixed.ravel()
+    moved = np.where(fixed, prescribed.ravel(), 0.0)
+    force = body.external_force().ravel() - stiffness @ moved
+    moved[~fixed] = np.linalg.solve(stiffness[np.ix_(~fixed, ~fixed)], force[~fixed])
+    body.displacement[:] = moved.reshape(body.mass.shape)
