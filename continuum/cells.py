@@ -61,7 +61,7 @@ def middle(nodes: int, axes: int) -> np.ndarray:
 
 def jacobians(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     """dx/dxi (..., axes, axes) of cells with corners (..., nodes, axes) at reference points (..., axes)."""
-    return np.einsum("...ni,...nj->...ij", corners, shape_gradients(points, corners.shape[-2]))
+    return np.matmul(np.swapaxes(corners, -1, -2), shape_gradients(points, corners.shape[-2]))
 
 
 def determinants(corners: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -40,21 +40,38 @@ def uncovered(corners: np.ndarray, region) -> tuple[np.ndarray, dict[int, np.nda
         fractions, parts = _by_subcells(corners, region)
     fractions = np.where(fractions < TINY, 0.0, np.where(fractions > 1.0 - TINY, 1.0, fractions))
     cut = [cell for cell in parts if 0.0 < fractions[cell] < 1.0]
-    return fractions, {cell: point_weights(corners[cell], *parts[cell]) for cell in cut}
+    return fractions, {cell: _fitted(corners[cell], *parts[cell]) for cell in cut}
 
 
-def point_weights(corners: np.ndarray, places: np.ndarray, masses: np.ndarray) -> np.ndarray:
-    """Factors (q,) on the rule of CUT_DEGREE that reproduce a measure on one cell.
+class Fit:
+    """Measures on the reference cell as factors on the points of the rule of CUT_DEGREE, for any cell of one kind.
 
     Args:
-        corners: (nodes, axes) in m.
-        places: reference coordinates (j, axes) of the measure's points.
-        masses: their weights (j,) in m2 or m3.
+        nodes, axes: of the cells.
+        places: reference coordinates (j, axes) of the measures' points.
     """
-    nodes, name = len(corners), cells.name(*corners.shape)
-    points, weights = _compat.quadrature_rule(name, CUT_DEGREE[name])
-    moments = _orthonormal(places, nodes, points, weights).T @ (masses / cells.determinants(corners, places) ** 2)
-    return cells.determinants(corners, points) * (_orthonormal(points, nodes, points, weights) @ moments)
+
+    def __init__(self, nodes: int, axes: int, places: np.ndarray) -> None:
+        name = cells.name(nodes, axes)
+        self._points, weights = _compat.quadrature_rule(name, CUT_DEGREE[name])
+        self._at_points, self._at_places = (_orthonormal(at, nodes, self._points, weights) for at in (self._points, places))
+
+    def weights(self, corners: np.ndarray, masses: np.ndarray, determinants: np.ndarray) -> np.ndarray:
+        """Factors (q,) that reproduce a measure on one cell.
+
+        Args:
+            corners: (nodes, axes) in m.
+            masses: weights (j,) of the measure's points in m2 or m3.
+            determinants: |det dx/dxi| (j,) there.
+        """
+        moments = self._at_places.T @ (masses / determinants**2)
+        return cells.determinants(corners, self._points) * (self._at_points @ moments)
+
+
+def _fitted(corners: np.ndarray, places: np.ndarray, masses: np.ndarray) -> np.ndarray:
+    """Factors of one cell (nodes, axes) for a measure with weights (j,) at places (j, axes) of its own."""
+    nodes, axes = corners.shape
+    return Fit(nodes, axes, places).weights(corners, masses, cells.determinants(corners, places))
 
 
 def _orthonormal(places, nodes, points, weights) -> np.ndarray:

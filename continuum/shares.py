@@ -36,13 +36,14 @@ def weighted(corners: np.ndarray, share: Share) -> tuple[np.ndarray, dict[int, n
     fractions = np.where(seen.min(axis=1, initial=1.0) > 0.5, 1.0, 0.0)
     weights = {}
     points, sizes = composite(nodes, axes)
-    shape = cells.shape_functions(points, nodes)
+    shape, fit = cells.shape_functions(points, nodes), cuts.Fit(nodes, axes, points)
     for cell in np.flatnonzero(np.any((seen > cuts.TINY) & (seen < 1.0 - cuts.TINY), axis=1) | (np.ptp(seen, axis=1) > 0.5)):
-        masses = sizes * cells.determinants(corners[cell], points)
+        determinants = cells.determinants(corners[cell], points)
+        masses = sizes * determinants
         carried = masses * values(share, shape @ corners[cell])
         fractions[cell] = carried.sum() / masses.sum()
         if cuts.TINY < fractions[cell] < 1.0 - cuts.TINY:
-            weights[int(cell)] = cuts.point_weights(corners[cell], points, carried)
+            weights[int(cell)] = fit.weights(corners[cell], carried, determinants)
         else:
             fractions[cell] = round(fractions[cell])
     return fractions, weights
