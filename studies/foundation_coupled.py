@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from bridge import BridgingScale, Overlap, growth
+from bridge import BridgingScale, Overlap, growth, kept
 from bridge.run import Stopwatch, on_root
 from continuum import Unstable as ContinuumUnstable
 from particles import Unstable
@@ -91,6 +91,12 @@ class CoupledFoundation(Foundation):
 
     def load(self) -> float:
         return on_root(self.comm, lambda: float(self.soil.plates[0].force[1]))
+
+    def state(self) -> dict[str, Any]:
+        return kept.coupled_state(self.coupled)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        kept.restore_coupled(self.coupled, state)
 
     def sample(self) -> dict[str, float]:
         return super().sample() | {"interface_gap_m": self.coupled.mismatch()}

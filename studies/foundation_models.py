@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from bridge import kept
 from bridge.run import Stopwatch, on_root
+from particles import state as particle_state
 from studies import foundation as scene
 from studies.foundation import AVERAGING, Parameters
 from studies.foundation_steps import COARSE_RATIO, check_number_of_steps
@@ -91,6 +93,14 @@ class Foundation:
         """All terms since the start, J; see `TERMS`, and `balance` for what is unaccounted for."""
         raise NotImplementedError
 
+    def state(self) -> dict[str, Any]:
+        """All that `restore` needs; complete on rank 0."""
+        raise NotImplementedError
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from a state; that of the particles only where there are any."""
+        raise NotImplementedError
+
     def sample(self) -> dict[str, float]:
         """A row of the history."""
         row = {"time_s": self.time, "displacement_m": self.displacement, "load_N": self.load()}
@@ -127,6 +137,13 @@ class ParticleFoundation(Foundation):
         """Take steps of the particles."""
         _raise_together(self.comm, lambda: self._advance(steps))
         self.time += steps * self.step
+
+    def state(self) -> dict[str, Any]:
+        return {"time": self.time, "particles": {} if self.soil is None else particle_state.state_of(self.soil)}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self.time = float(state["time"])
+        on_root_only(self.comm, lambda: particle_state.restore(self.soil, state["particles"]))
 
     def load(self) -> float:
         return on_root(self.comm, lambda: float(self.soil.plates[0].force[1]))
@@ -170,6 +187,12 @@ class ContinuumFoundation(Foundation):
     def time(self) -> float:  # type: ignore[override]
         """Time since the start, s."""
         return self.body.time
+
+    def state(self) -> dict[str, Any]:
+        return kept.body_state(self.body)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        kept.restore_body(self.body, state)
 
     def load(self) -> float:
         return float(-self.body.reaction(self.plate)[1]) if self.body.time > 0.0 else 0.0
