@@ -1,4 +1,4 @@
-"""A checkpoint of several ranks: bit for bit on as many, to rounding on one; and one of a single rank on several."""
+"""A checkpoint of several ranks goes on there and on one rank, one of a single rank on several, equal to rounding."""
 
 import shutil
 
@@ -28,7 +28,9 @@ def test_other_numbers_of_ranks_go_on_with_it(tmp_path, monkeypatch, options):
             carry_out(set_up(p, comm=comm), folder, **QUIET)
     COMM.Barrier()
     again = resumed(p, shared / "of_all", shared / "1", COMM)
-    assert again == whole or COMM.rank > 0  # rank 0 writes; sums of the others may be off in the last digit
+    check_close(again, whole)  # dolfinx does not number the nodes of several ranks alike in every run
+    if p.method == "dem" and COMM.rank == 0:
+        assert again == whole
     check_close(resumed(p, shared / "of_all", tmp_path / "2", SELF), whole)
     check_close(resumed(p, shared / "of_one", shared / "3", COMM), whole)
 
