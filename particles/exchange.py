@@ -26,6 +26,7 @@ from particles.dispatch import Direct
 from particles.motion import FINISHED, Unstable
 from particles.neighbours import ROOM
 from particles.ranks import Halo, numbers
+from particles.state import restore
 from particles.system import MASS, RADIUS, SUMS, TRAVEL, TRAVEL_LIMIT, WALLS, Terms
 from particles.walls.history import recorded, recording
 from particles.walls.listing import driven
@@ -84,22 +85,40 @@ class SharedAssembly:
     """
 
     def __init__(self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, weights: np.ndarray | None = None) -> None:
-        self.comm, part = comm, make()
+        self.comm, self._make, self._weights = comm, make, weights
         self.whole = make() if comm.rank == 0 else None
+        self._requests: list[Any] = []
+        self._seconds = np.zeros(2)
+        self.rebuilds = 0
+        self._take_part(make())
+
+    def _take_part(self, part: Assembly) -> None:
+        """Leave of the whole scene what this rank owns."""
+        comm = self.comm
         self.count, self.axes = part.count, part.axes
-        owner = bisect(part.reference, comm.size, weights)
+        owner = bisect(part.positions, comm.size, self._weights)
         self.ids = np.flatnonzero(owner == comm.rank)
         self.part, self._signs = part, part._laws.signs
         self._border: Any = None
-        self._requests: list[Any] = []
-        self._seconds = np.zeros(2)
         self._border_sums = np.zeros(SUMS)
         self._known = _all_pairs(part, np.arange(self.count), self.count)
-        if comm.rank > 0:
+        if comm.rank > 0:  # what has been summed so far is rank 0's
             part._imposed = 0.0
+            part._system.sums[:] = 0.0
         _cut(part, self.ids)
-        self.rebuilds = 0
         self.rebuild()
+
+    def restore(self, state: dict[str, Any] | None) -> None:
+        """Go on from a state of `particles.state.state_of` of the whole scene, which rank 0 has.
+
+        Raises:
+            ValueError: the particles, walls or contact laws are not the same.
+        """
+        state = self.comm.bcast(state, root=0)
+        part = self._make()
+        for soil in (part,) if self.whole is None else (part, self.whole):
+            restore(soil, state)
+        self._take_part(part)
 
     # Lists and halos ---------------------------------------------------------------------------------------------------
 
@@ -140,7 +159,7 @@ class SharedAssembly:
 
     def _find_halo(self) -> None:
         """Who needs which rows of whom; the list of contacts across borders; the arrays with room for the halo."""
-        comm, part, system = self.comm, self.part, self.part._system
+        comm, part = self.comm, self.part
         reach = 2.0 * part._largest_radius + part.skin
         wanted = self._near_boxes(reach)
         sent = [self._rows_sent(rows) if other != comm.rank else None for other, rows in enumerate(wanted)]
@@ -409,7 +428,7 @@ class SharedAssembly:
                 getattr(whole._system, name)[places] = values
         whole._system.clock[:] = system.clock
         whole.skin = part.skin
-        if part.cell is not None:
+        if part.cell is not None and whole.cell is not None:
             for name in ("matrix", "gradient", "rate", "anchor"):
                 getattr(whole.cell.arrays, name)[:] = getattr(part.cell.arrays, name)
         if system.walls is not None:

@@ -27,6 +27,7 @@ from studies.foundation_models import (
     no_particles,
     on_root_only,
 )
+from studies.foundation_shared import SharedParticleFoundation
 from studies.foundation_steps import fit_substeps, warn_of_growth
 from studies.snapshots import Snapshot
 
@@ -165,6 +166,11 @@ class OverlapFoundation(CoupledFoundation):
         }  # fmt: skip
 
 
+def particles_alone(p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> Foundation:
+    """Particles everywhere, on one rank or on all."""
+    return (ParticleFoundation if comm.size == 1 else SharedParticleFoundation)(p, stopwatch, comm)
+
+
 MODELS: dict[str, Callable[..., Any]] = {
-    "dem": ParticleFoundation, "bridging": BridgedFoundation, "overlap": OverlapFoundation, "fem": ContinuumFoundation,
+    "dem": particles_alone, "bridging": BridgedFoundation, "overlap": OverlapFoundation, "fem": ContinuumFoundation,
 }  # fmt: skip

@@ -101,6 +101,10 @@ class Foundation:
         """Go on from a state; that of the particles only where there are any."""
         raise NotImplementedError
 
+    def parallel(self) -> dict[str, Any]:
+        """How the work was spread over the ranks: particles, halos and seconds of each; empty where one has all of them."""
+        return {}
+
     def sample(self) -> dict[str, float]:
         """A row of the history."""
         row = {"time_s": self.time, "displacement_m": self.displacement, "load_N": self.load()}
@@ -149,18 +153,7 @@ class ParticleFoundation(Foundation):
         return on_root(self.comm, lambda: float(self.soil.plates[0].force[1]))
 
     def energies(self) -> dict[str, float]:
-        def terms() -> dict[str, float]:
-            e = self.soil.energies()
-            sums = {
-                "external_work": e["wall_work"] + e["held_work"],
-                "kinetic": e["kinetic"],
-                "elastic": sum(value for name, value in e.items() if name.startswith("elastic")),
-                "friction": sum(value for name, value in e.items() if name.startswith("friction")),
-            }
-            sums |= {name: e[name] for name in ("viscous", "contact_loss", "mass_damping")}
-            return complete(sums, self.soil.energy_balance())
-
-        return on_root(self.comm, terms)
+        return on_root(self.comm, lambda: particle_terms(self.soil.energies(), self.soil.energy_balance()))
 
 
 class ContinuumFoundation(Foundation):
@@ -202,6 +195,17 @@ class ContinuumFoundation(Foundation):
         return complete(
             {name: e[name] for name in ("external_work", "kinetic", "strain", "mass_damping")}, e["balance"]
         )
+
+
+def particle_terms(e: dict[str, float], balance: float) -> dict[str, float]:
+    """Energies of an assembly (J) as terms of the foundation."""
+    sums = {
+        "external_work": e["wall_work"] + e["held_work"],
+        "kinetic": e["kinetic"],
+        "elastic": sum(value for name, value in e.items() if name.startswith("elastic")),
+        "friction": sum(value for name, value in e.items() if name.startswith("friction")),
+    }
+    return complete(sums | {name: e[name] for name in ("viscous", "contact_loss", "mass_damping")}, balance)
 
 
 def complete(terms: dict[str, float], balance: float) -> dict[str, float]:

@@ -7,7 +7,7 @@ import functools
 import math
 import sys
 import warnings
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +81,7 @@ class Prepared:
     watch: Stopwatch
     heard: list[str]  # warnings of the set-up
     growth: Any = None  # result of the growth test
+    parallel: dict[str, Any] = field(default_factory=dict)  # how a run was spread over the ranks
 
 
 def set_up(p: Parameters, growth_test: bool = False, comm: Any = MPI.COMM_WORLD) -> Prepared:
@@ -186,6 +187,7 @@ def carry_out(
             on_frame=on_frame, stopwatch=watch, label=p.method, progress=progress, outcome=begun, watcher=keeper,
         )  # fmt: skip
     energy = model.energies()
+    prepared.parallel = model.parallel()
     for doubt in doubts(energy) if outcome.stable else []:
         prepared.heard.append(doubt)
         if root:
@@ -308,6 +310,7 @@ def summarise(
         "results": {
             name: {"value": value, "unit": UNITS[name], "published": published.get(name)} for name, value in values.items()
         } | checks,
+        "parallel": prepared.parallel,
         "energy": energy | {"balance_error": abs(energy["balance"]) / work if work > 0.0 else math.nan} if energy else {},
         "stable": outcome.stable, "message": outcome.message, "warnings": prepared.heard,
     }  # fmt: skip
