@@ -175,12 +175,21 @@ class Series:
             _three(points), [cells], point_data={name: _three(values) for name, values in (point_data or {}).items()},
             cell_data={name: [_three(values)] for name, values in (cell_data or {}).items()},
         )  # fmt: skip
-        file = f"{self._name}_{len(self._collection):04d}.vtu"
-        meshio.write(self._folder / file, mesh, file_format="vtu", binary=True)
-        ElementTree.SubElement(self._collection, "DataSet", timestep=f"{time:.9g}", part="0", file=file)
+        meshio.write(self._folder / self._next_file, mesh, file_format="vtu", binary=True)
+        self.enter(time)
         ElementTree.indent(self._root)
         text = ElementTree.tostring(self._root, encoding="unicode", xml_declaration=True)
         write_text(self._folder / f"{self._name}.pvd", text + "\n")
+
+
+    @property
+    def _next_file(self) -> str:
+        return f"{self._name}_{len(self._collection):04d}.vtu"
+
+    def enter(self, time: float) -> None:
+        """List the next file at a time (s): one that an earlier part of the run has written."""
+        file = self._next_file
+        ElementTree.SubElement(self._collection, "DataSet", timestep=f"{time:.9g}", part="0", file=file)
 
 
 def _three(values: np.ndarray) -> np.ndarray:

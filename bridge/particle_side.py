@@ -41,6 +41,11 @@ class ParticleSide:
         self._reference = np.ascontiguousarray(np.hstack([self.soil.reference, turning])[self._row_ids])
         self._order(rows, self._row_ids)
 
+    def rearrange(self) -> None:
+        """Bring everything into the row order of particles whose state was restored."""
+        self._generation = -1
+        self._arrange()
+
     def _order(self, rows, order) -> None:
         """Operators in the row order; `rows` of the ids, `order`: ids of the rows."""
         raise NotImplementedError

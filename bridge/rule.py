@@ -108,6 +108,9 @@ class Rule:
         self.update_continuum_force()
         self.fine.follow_mesh(gather(body.displacement), gather(body.velocity), gather(body.acceleration))
 
+    def motion_was_restored(self) -> None:
+        """Take note of a state that was restored as a whole: nothing has to follow it."""
+
     def energies(self) -> np.ndarray:
         """Kinetic, strain, damping loss, external work and work received from the particles (J); this rank's part."""
         body = self.body

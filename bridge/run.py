@@ -44,6 +44,12 @@ class Model(Protocol):
     def energies(self) -> dict[str, float]: ...  # terms since the start, J
 
 
+class Watcher(Protocol):
+    """Who looks at a run between its steps."""
+
+    def look(self) -> None: ...  # collective; may raise to end the run
+
+
 class Stopwatch:
     """Wall seconds by phase; what Numba compiles or loads meanwhile counts as `compile`; `part` is time within a phase."""
 
@@ -102,6 +108,8 @@ def run(
     stopwatch: Stopwatch | None = None,
     label: str = "",
     progress: bool = True,
+    outcome: Outcome | None = None,
+    watcher: Watcher | None = None,
 ) -> Outcome:
     """Advance a model, with samples evenly spread over the run and frames after given numbers of steps (collective).
 
@@ -116,18 +124,23 @@ def run(
         stopwatch: Takes the seconds of the phases `stepping` and `output`.
         label: Text before the progress bar.
         progress: A bar with the time left, where standard error is a terminal; rank 0 only.
+        outcome: Of the part of the run that is done already, when it is resumed; the model is in the state of its last step.
+        watcher: Asked to look after every 50 steps at most, when samples and frames up to there are taken.
 
     Returns:
         The history, and whether the run was stable; a blow-up ends it without an exception, its message says what, where
         and when.
     """
     watch = stopwatch or Stopwatch()
-    outcome = Outcome()
+    outcome = outcome or Outcome()
+    resumed = outcome.steps if outcome.history else -1
     sampled = set(np.unique(np.round(np.linspace(0, steps, min(samples, steps) + 1)).astype(int)).tolist())
     framed = set(int(step) for step in frames)
     bar = _bar(steps, label, progress)
     try:
-        for stop in sorted(sampled | framed | {steps}):
+        if bar is not None:
+            bar.update(outcome.steps)
+        for stop in sorted(stop for stop in sampled | framed | {steps} if stop > resumed):
             while outcome.steps < stop:
                 chunk = min(stop - outcome.steps, LONGEST_CHUNK)
                 with watch.phase("stepping"):
@@ -135,6 +148,9 @@ def run(
                 outcome.steps += chunk
                 if bar is not None:
                     bar.update(chunk)
+                if watcher is not None and outcome.steps < stop:
+                    with watch.phase("output"):
+                        watcher.look()
             with watch.phase("output"):
                 if stop in sampled:
                     outcome.history.append(model.sample())
@@ -144,6 +160,9 @@ def run(
                     on_frame()
             if stop in sampled and until is not None and until(outcome.history[-1]):
                 break
+            if watcher is not None and stop < steps:
+                with watch.phase("output"):
+                    watcher.look()
     except (particles.Unstable, continuum.Unstable) as unstable:
         outcome.stable, outcome.message = False, str(unstable)
     finally:

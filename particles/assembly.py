@@ -606,7 +606,7 @@ class Assembly:
     def _run(self, terms: Terms, steps: int, step: float) -> None:
         system, left, resume = self._system, steps, False
         while True:
-            done, code = _advance(system, terms, left, step, resume)
+            done, code = _advance(system, terms, left, step, resume, None, None)
             left -= done
             if code != motion.FINISHED:
                 self._raise_runaway(step, f" in step {steps - left}")

@@ -64,6 +64,10 @@ def table(soil: Assembly) -> dict[str, float]:
 
 def balance(soil: Assembly) -> float:
     """Stored and dissipated energy minus the work put in, J: zero but for the error of time integration."""
-    terms = table(soil)
+    return balance_of(table(soil))
+
+
+def balance_of(terms: dict[str, float]) -> float:
+    """The same from a table of all terms."""
     works = sum(terms[name] for name in _WORKS) + terms["imposed"]
     return sum(energy for name, energy in terms.items() if name not in _WORKS and name != "imposed") - works

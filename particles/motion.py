@@ -22,7 +22,8 @@ from particles.block_motion import ONWARD, TO_END, drift_rows, fastest_of, kick_
 from particles.cell import image_numbers, move_cell
 from particles.columns import WIDTH
 from particles.contacts import end_pairs, pair_batch, start_pairs
-from particles.neighbours import travelled
+from particles.neighbours import ROOM, travelled
+from particles.ranks import exchange, highest
 from particles.system import (
     AGE,
     CELL,
@@ -216,13 +217,13 @@ def _load(force, torque, lightness, gravity, external):
 
 
 @njit(**MERGED)
-def _before_pairs(system, terms, step):
+def _before_pairs(system, terms, step, halo):
     """Loads and walls; the powers of the last evaluation."""
     sums = system.sums
     powers = sums[POWER], sums[CELL_POWER]
     sums[POWER] = sums[CELL_POWER] = 0.0
     _load(system.force, system.torque, system.lightness, terms.gravity, system.external)
-    wall_forces(system, terms, step)
+    wall_forces(system, terms, step, halo)
     start_pairs(system.scratch)
     return powers
 
@@ -236,13 +237,40 @@ def _after_pairs(system, powers, step):
     sums[CELL] += 0.5 * step * (powers[1] + sums[CELL_POWER])
 
 
+@njit(**MERGED)
+def _border_pairs(border, terms, step):
+    """Contacts with particles of other ranks, which have arrived; all batches are whole, so that both ranks get the same bits."""
+    if border is not None:
+        _all_pairs_of(border, terms, step)
+
+
+@njit(**MERGED)
+def _all_pairs_of(border, terms, step):
+    sums = border.sums
+    powers = sums[POWER], sums[CELL_POWER]
+    sums[POWER] = sums[CELL_POWER] = 0.0
+    start_pairs(border.scratch)
+    image = image_numbers(border.cell)
+    for at in range(0, border.first.size - ROOM, WIDTH):
+        pair_batch(border, terms, step, image, at, WIDTH)
+    _after_pairs(border, powers, step)
+
+
 @njit(**MERGED_STEPS)
 def evaluate(system, terms, step):
     """Forces (loads, walls, pair contacts) at the present positions; histories advance by the step just moved.
 
     Row velocities must be those of the middle of the step (step times velocity = displacement since the last evaluation).
     """
-    powers = _before_pairs(system, terms, step)
+    evaluate_with(system, terms, step, None, None)
+
+
+@njit(**MERGED_STEPS)
+def evaluate_with(system, terms, step, border, halo):
+    """`evaluate` with contacts across the borders of this rank (both None on one rank); collective."""
+    exchange(halo, border, terms.viscous)
+    powers = _before_pairs(system, terms, step, halo)
+    _border_pairs(border, terms, step)
     pairs, image = system.start[system.position.shape[0]], image_numbers(system.cell)
     for at in range(0, pairs, WIDTH):
         pair_batch(system, terms, step, image, at, min(WIDTH, pairs - at))
@@ -250,13 +278,15 @@ def evaluate(system, terms, step):
 
 
 @njit(**MERGED)
-def _evaluate_and_kick(system, terms, step, move):
+def _evaluate_and_kick(system, terms, step, move, border, halo):
     """`evaluate`, then `kick` or (`move` = ONWARD) `kick_drift`, each block of rows at once when its last pair is done.
 
     Pairs go by their first row and have the larger one second, so that nothing needs a row again after its own pairs. Most of
     the rows are still in the cache then: memory is gone through once a step, not twice.
     """
-    powers = _before_pairs(system, terms, step)
+    exchange(halo, border, terms.viscous)
+    powers = _before_pairs(system, terms, step, halo)
+    _border_pairs(border, terms, step)
     record_walls(system.records, system.walls, system.clock[TIME])
     set_flow(system.flow, system.position, system.cell, system.spin)
     count = system.position.shape[0]
@@ -333,8 +363,11 @@ def _runaway(position, velocity, spin, limit, step):
 
 
 @njit(**STEPS)
-def advance(system, terms, steps, step, resume):
+def advance(system, terms, steps, step, resume, border, halo):
     """Make `steps` steps of size `step` (s).
+
+    Args:
+        border, halo: contacts with particles of other ranks and the way to them; None on one rank (collective otherwise).
 
     Returns:
         Steps done and FINISHED; or STALE (drifted, not evaluated: rebuild the list and resume with the steps that are
@@ -344,11 +377,12 @@ def advance(system, terms, steps, step, resume):
         drift(system, terms, step)
     done = 0
     while True:
-        if stale(system):
+        if highest(halo, STALE if stale(system) else FINISHED) == STALE:
             return done, STALE
         done += 1
-        _evaluate_and_kick(system, terms, step, TO_END if done == steps else ONWARD)
-        if (done == steps or done % CHECK_INTERVAL == 0) and runaway(system, step) >= 0:
-            return done, UNSTABLE
+        _evaluate_and_kick(system, terms, step, TO_END if done == steps else ONWARD, border, halo)
+        if done == steps or done % CHECK_INTERVAL == 0:
+            if highest(halo, UNSTABLE if runaway(system, step) >= 0 else FINISHED) == UNSTABLE:
+                return done, UNSTABLE
         if done == steps:
             return done, FINISHED

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from studies.foundation import TITLE, Parameters
 from studies.options import brief, click_options, no_fields_option, no_figures_option, quiet_option
@@ -37,12 +40,31 @@ multiplier and respa are equally accurate; the first keeps momentum to rounding 
 )
 @no_fields_option
 @no_figures_option
+@click.option(
+    "--checkpoint-every", default=600.0, type=float, metavar="s",
+    help="Wall time between checkpoints, 0 for none; Ctrl-C and SIGTERM write one, too.  [default: 600 s]",
+)
+@click.option(
+    "--resume", default=None, metavar="FOLDER",
+    help="Go on with the run that was stopped in this folder, with its parameters, from checkpoint.h5.",
+)
 @quiet_option
+@click.pass_context
 def command(
-    compare: bool, growth_test: bool, output: str, samples: int, frames: int, no_fields: bool, no_figures: bool,
-    quiet: bool, **values: Any,
+    context: click.Context, compare: bool, growth_test: bool, output: str, samples: int, frames: int, no_fields: bool,
+    no_figures: bool, checkpoint_every: float, resume: str | None, quiet: bool, **values: Any,
 ) -> int:  # fmt: skip
     """Check everything, then run; returns the exit status."""
+    if not 0.0 <= checkpoint_every < math.inf:
+        raise ValueError(f"checkpoint_every={checkpoint_every} must be zero or positive (s)")
+    if resume is not None:
+        given = [name for name in context.params if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
+        others = sorted(set(given) - {"resume", "checkpoint_every", "quiet"})
+        if others:
+            raise ValueError(
+                f"{others[0]}= does not go with resume={resume}: a resumed run keeps its parameters; leave the option out"
+            )
+        return go_on(resume, checkpoint_every, quiet)
     for name, value, most in (("samples", samples, 1_000_000), ("frames", frames, 10_000)):
         if not 1 <= value <= most:
             raise ValueError(f"{name}={brief(value)} must be between 1 and {most}")
@@ -62,12 +84,38 @@ def command(
 
         return compare_methods(parameters, folder, options, growth_test, quiet)
 
+    from studies.foundation_run import set_up
+
+    return run_and_report(set_up(parameters, growth_test), folder, quiet, options | {"checkpoint_every": checkpoint_every})
+
+
+def go_on(resume: str, checkpoint_every: float, quiet: bool) -> int:
+    """Resume the run in a folder; returns the exit status."""
+    from bridge.output import check_folder
+    from studies.foundation_resume import read_start
+    from studies.foundation_run import set_up
+
+    folder = check_folder(resume)
+    start = read_start(folder)
+    options = start.options | {"checkpoint_every": checkpoint_every, "progress": not quiet, "start": start}
+    return run_and_report(set_up(start.parameters), folder, quiet, options)
+
+
+def run_and_report(prepared: Any, folder: Path, quiet: bool, options: dict[str, Any]) -> int:
+    """Run, print the report; returns the exit status."""
     from mpi4py import MPI
 
+    from bridge.checkpoint import Interrupted
     from studies.foundation_report import report
-    from studies.foundation_run import carry_out, set_up
+    from studies.foundation_run import carry_out
 
-    done = carry_out(set_up(parameters, growth_test), folder, **options)
+    try:
+        done = carry_out(prepared, folder, **options)
+    except Interrupted as stop:
+        if MPI.COMM_WORLD.rank == 0:
+            click.echo(f"Run {stop}", err=True)
+        MPI.COMM_WORLD.Barrier()
+        return 128 + stop.number
     if not done.outcome.stable:
         return unstable(done.outcome.message)
     if not quiet and MPI.COMM_WORLD.rank == 0:

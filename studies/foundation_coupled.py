@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from bridge import BridgingScale, Overlap, growth
+from bridge import BridgingScale, Overlap, growth, kept
 from bridge.run import Stopwatch, on_root
 from continuum import Unstable as ContinuumUnstable
 from particles import Unstable
@@ -27,6 +27,7 @@ from studies.foundation_models import (
     no_particles,
     on_root_only,
 )
+from studies.foundation_shared import SharedParticleFoundation
 from studies.foundation_steps import fit_substeps, warn_of_growth
 from studies.snapshots import Snapshot
 
@@ -91,6 +92,12 @@ class CoupledFoundation(Foundation):
 
     def load(self) -> float:
         return on_root(self.comm, lambda: float(self.soil.plates[0].force[1]))
+
+    def state(self) -> dict[str, Any]:
+        return kept.coupled_state(self.coupled)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        kept.restore_coupled(self.coupled, state)
 
     def sample(self) -> dict[str, float]:
         return super().sample() | {"interface_gap_m": self.coupled.mismatch()}
@@ -159,6 +166,11 @@ class OverlapFoundation(CoupledFoundation):
         }  # fmt: skip
 
 
+def particles_alone(p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> Foundation:
+    """Particles everywhere, on one rank or on all."""
+    return (ParticleFoundation if comm.size == 1 else SharedParticleFoundation)(p, stopwatch, comm)
+
+
 MODELS: dict[str, Callable[..., Any]] = {
-    "dem": ParticleFoundation, "bridging": BridgedFoundation, "overlap": OverlapFoundation, "fem": ContinuumFoundation,
+    "dem": particles_alone, "bridging": BridgedFoundation, "overlap": OverlapFoundation, "fem": ContinuumFoundation,
 }  # fmt: skip

@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from bridge import kept
 from bridge.run import Stopwatch, on_root
+from particles import state as particle_state
 from studies import foundation as scene
 from studies.foundation import AVERAGING, Parameters
 from studies.foundation_steps import COARSE_RATIO, check_number_of_steps
@@ -91,6 +93,18 @@ class Foundation:
         """All terms since the start, J; see `TERMS`, and `balance` for what is unaccounted for."""
         raise NotImplementedError
 
+    def state(self) -> dict[str, Any]:
+        """All that `restore` needs; complete on rank 0."""
+        raise NotImplementedError
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from a state; that of the particles only where there are any."""
+        raise NotImplementedError
+
+    def parallel(self) -> dict[str, Any]:
+        """How the work was spread over the ranks: particles, halos and seconds of each; empty where one has all of them."""
+        return {}
+
     def sample(self) -> dict[str, float]:
         """A row of the history."""
         row = {"time_s": self.time, "displacement_m": self.displacement, "load_N": self.load()}
@@ -128,22 +142,18 @@ class ParticleFoundation(Foundation):
         _raise_together(self.comm, lambda: self._advance(steps))
         self.time += steps * self.step
 
+    def state(self) -> dict[str, Any]:
+        return {"time": self.time, "particles": {} if self.soil is None else particle_state.state_of(self.soil)}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self.time = float(state["time"])
+        on_root_only(self.comm, lambda: particle_state.restore(self.soil, state["particles"]))
+
     def load(self) -> float:
         return on_root(self.comm, lambda: float(self.soil.plates[0].force[1]))
 
     def energies(self) -> dict[str, float]:
-        def terms() -> dict[str, float]:
-            e = self.soil.energies()
-            sums = {
-                "external_work": e["wall_work"] + e["held_work"],
-                "kinetic": e["kinetic"],
-                "elastic": sum(value for name, value in e.items() if name.startswith("elastic")),
-                "friction": sum(value for name, value in e.items() if name.startswith("friction")),
-            }
-            sums |= {name: e[name] for name in ("viscous", "contact_loss", "mass_damping")}
-            return complete(sums, self.soil.energy_balance())
-
-        return on_root(self.comm, terms)
+        return on_root(self.comm, lambda: particle_terms(self.soil.energies(), self.soil.energy_balance()))
 
 
 class ContinuumFoundation(Foundation):
@@ -171,6 +181,12 @@ class ContinuumFoundation(Foundation):
         """Time since the start, s."""
         return self.body.time
 
+    def state(self) -> dict[str, Any]:
+        return kept.body_state(self.body)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        kept.restore_body(self.body, state)
+
     def load(self) -> float:
         return float(-self.body.reaction(self.plate)[1]) if self.body.time > 0.0 else 0.0
 
@@ -179,6 +195,17 @@ class ContinuumFoundation(Foundation):
         return complete(
             {name: e[name] for name in ("external_work", "kinetic", "strain", "mass_damping")}, e["balance"]
         )
+
+
+def particle_terms(e: dict[str, float], balance: float) -> dict[str, float]:
+    """Energies of an assembly (J) as terms of the foundation."""
+    sums = {
+        "external_work": e["wall_work"] + e["held_work"],
+        "kinetic": e["kinetic"],
+        "elastic": sum(value for name, value in e.items() if name.startswith("elastic")),
+        "friction": sum(value for name, value in e.items() if name.startswith("friction")),
+    }
+    return complete(sums | {name: e[name] for name in ("viscous", "contact_loss", "mass_damping")}, balance)
 
 
 def complete(terms: dict[str, float], balance: float) -> dict[str, float]:

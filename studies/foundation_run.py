@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import math
 import sys
 import warnings
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from bridge import output
+from bridge import checkpoint, output
 from bridge.run import Outcome, Stopwatch, run
 from studies.foundation import PAPER_STATES, Parameters
 from studies.foundation_coupled import MODELS
+from studies.foundation_resume import Start, describe, run_state
 from studies.snapshots import Snapshot
 
 PICTURES = (
@@ -78,6 +81,7 @@ class Prepared:
     watch: Stopwatch
     heard: list[str]  # warnings of the set-up
     growth: Any = None  # result of the growth test
+    parallel: dict[str, Any] = field(default_factory=dict)  # how a run was spread over the ranks
 
 
 def set_up(p: Parameters, growth_test: bool = False, comm: Any = MPI.COMM_WORLD) -> Prepared:
@@ -108,6 +112,8 @@ def carry_out(
     frames: int = 8,
     figures: bool = True,
     progress: bool = True,
+    checkpoint_every: float = 0.0,
+    start: Start | None = None,
 ) -> Finished:
     """Run a model and write what it leaves behind (collective).
 
@@ -118,6 +124,11 @@ def carry_out(
         frames: Times of the field files, beside the paper's states; 0 writes no fields.
         figures: Whether pictures are drawn.
         progress: Show a bar on terminals.
+        checkpoint_every: Seconds of wall time between checkpoints; 0 for none but at Ctrl-C or SIGTERM.
+        start: Where a run that was stopped goes on, from its checkpoint.
+
+    Raises:
+        Interrupted: Ctrl-C or SIGTERM; the checkpoint is written.
     """
     p, model, watch = prepared.parameters, prepared.model, prepared.watch
     if folder is not None:
@@ -125,10 +136,20 @@ def carry_out(
     snapshots: list[Snapshot] = []
     root = model.comm.rank == 0
     writes = folder if root else None
-    if writes is not None:
+    if writes is not None and start is None:
         output.clear(writes, FILES, SERIES)
+        checkpoint.remove(writes / checkpoint.NAME)
+    begun = Outcome()
+    if start is not None:
+        begun = start.restore(prepared, snapshots)
     history = output.HistoryFile(writes / "history.csv") if writes else None
     series = FieldSeries(writes / "fields") if writes and frames else None
+    if history is not None:
+        for row in begun.history:
+            history.write(row)
+    if series is not None:
+        for snapshot in snapshots:
+            series.enter(snapshot)
 
     def on_frame() -> None:
         snapshot = model.snapshot()
@@ -150,13 +171,23 @@ def carry_out(
 
     model.last_words = last_words
     take = frame_steps(p, model.step, model.steps, frames) if frames or figures else [model.steps]
-    outcome = run(
-        model, model.steps, samples=samples, frames=take, on_sample=history.write if history else None, on_frame=on_frame,
-        stopwatch=watch, label=p.method, progress=progress,
-    )  # fmt: skip
-    if history is not None:
-        history.close()
+    options = {"samples": samples, "frames": frames, "figures": figures}
+    with contextlib.ExitStack() as stack:
+        if history is not None:
+            stack.callback(history.close)
+        keeper = None
+        if folder is not None:
+            about = describe(p, options, model.comm)
+            take_state = functools.partial(run_state, prepared, begun, snapshots)
+            keeper = stack.enter_context(
+                checkpoint.Keeper(take_state, folder / checkpoint.NAME, about, checkpoint_every, model.comm)
+            )
+        outcome = run(
+            model, model.steps, samples=samples, frames=take, on_sample=history.write if history else None,
+            on_frame=on_frame, stopwatch=watch, label=p.method, progress=progress, outcome=begun, watcher=keeper,
+        )  # fmt: skip
     energy = model.energies()
+    prepared.parallel = model.parallel()
     for doubt in doubts(energy) if outcome.stable else []:
         prepared.heard.append(doubt)
         if root:
@@ -168,6 +199,8 @@ def carry_out(
 
             foundation_figures.draw(done, writes)
     done.summary = summary(outcome, energy)
+    if writes is not None and outcome.stable:
+        checkpoint.remove(writes / checkpoint.NAME)
     return done
 
 
@@ -195,10 +228,19 @@ class FieldSeries:
         self._folder = folder
         self._series: dict[str, output.Series] = {}
 
-    def _write(self, name: str, *arguments: Any) -> None:
+    def _of(self, name: str) -> output.Series:
         if name not in self._series:
             self._series[name] = output.Series(self._folder, name)
-        self._series[name].write(*arguments)
+        return self._series[name]
+
+    def _write(self, name: str, *arguments: Any) -> None:
+        self._of(name).write(*arguments)
+
+    def enter(self, s: Snapshot) -> None:
+        """List a snapshot that an earlier part of the run has written."""
+        for name in SERIES:
+            if getattr(s, name) is not None:
+                self._of(name).enter(s.time)
 
     def write(self, s: Snapshot) -> None:
         """Add a snapshot."""
@@ -268,6 +310,7 @@ def summarise(
         "results": {
             name: {"value": value, "unit": UNITS[name], "published": published.get(name)} for name, value in values.items()
         } | checks,
+        "parallel": prepared.parallel,
         "energy": energy | {"balance_error": abs(energy["balance"]) / work if work > 0.0 else math.nan} if energy else {},
         "stable": outcome.stable, "message": outcome.message, "warnings": prepared.heard,
     }  # fmt: skip

@@ -64,6 +64,11 @@ class OverlapRule:
         if mesh.comm.allreduce(int(not same)):
             self.start_from_state()
 
+    def motion_was_restored(self) -> None:
+        """Take note of a state that was restored as a whole: nothing has to follow it."""
+        self.mesh.receive()
+        self._known = self.mesh.displacement.copy(), self.mesh.velocity.copy()
+
     def _send(self) -> None:
         self.mesh.send()
         self._known = self.mesh.displacement.copy(), self.mesh.velocity.copy()

@@ -13,6 +13,7 @@ from numba import njit
 
 from particles.kinematics import tangent_ratio, turning
 from particles.laws.touch import FLAT, Touch, respond, wall_law
+from particles.ranks import sum_reactions
 from particles.system import INLINE, KERNEL, MASS, MERGED, OUTER, RADIUS, SPENT
 from particles.vectors import cross, dot, load, minus, moved, plus, present, scaled, store
 from particles.walls.motion import balance, book, rotated, rotated_back, row_vector, to_reference, turned_by
@@ -344,17 +345,17 @@ def _material_of(material, i):
 
 
 @njit(**MERGED)
-def wall_forces(system, terms, step):
+def wall_forces(system, terms, step, halo):
     """Add the wall contacts to the forces, set the reactions on walls, accelerations of bodies, and book works.
 
     Row velocities are those of the middle of the step, as for pairs; the increments of the bodies are in their rows (zero
     while they are held).
     """
-    _wall_forces(system.walls, system.cell, system, terms, step)
+    _wall_forces(system.walls, system.cell, system, terms, step, halo)
 
 
 @njit(**INLINE)
-def _wall_forces(walls, cell, system, terms, step):
+def _wall_forces(walls, cell, system, terms, step, halo):
     if walls is None:
         return
     body, wall, near, history, sums = walls.body, walls.wall, walls.near, walls.history, system.sums
@@ -402,6 +403,7 @@ def _wall_forces(walls, cell, system, terms, step):
                 wall[which, ACTION + c] -= push[c]
                 wall[which, ACTION + 3 + c] -= moment[c]
             body[owner, TOUCHING] += 1.0 if overlap > 0.0 else 0.0
+    sum_reactions(halo, walls)
     balance(body, wall, terms.gravity, step)
     book(body, wall, sums)
 

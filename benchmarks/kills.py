@@ -1,0 +1,99 @@
+"""A run that is killed again and again (SIGKILL at random moments, while it writes as well) and resumed each time.
+
+Checks that each time it goes on from a checkpoint, that none loses more than a checkpoint period, and that in the end the results
+are those of a run that was left alone, bit for bit. Prints the numbers.
+
+    python3 -m benchmarks.kills [--kills 50] [--period 0.3]
+"""
+
+import argparse
+import json
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from bridge.checkpoint import NAME
+
+ROOT = Path(__file__).resolve().parents[1]
+SCENE = ("--assembly", "A", "--step-ratio", "0.02", "--displacement", "0.02", "--no-figures", "--samples", "200")
+SLACK = 2.0  # s: longest time between two looks at the clock and of writing, on a busy machine
+
+
+@dataclass
+class Found:
+    """What came of the kills."""
+
+    kills: int
+    largest_loss: float  # wall time of the run between a checkpoint and the kill, s
+    while_writing: int  # kills that left a file half written
+    same: bool  # results and histories are those of the undisturbed run
+
+
+def command(*options):
+    return [sys.executable, "-m", "studies", "foundation", "--quiet", *map(str, options)]
+
+
+def results(folder):
+    """What must not depend on the kills."""
+    summary = json.loads((folder / "summary.json").read_text())
+    del summary["results"]["total_time"]
+    fields = {file.name: file.read_bytes() for file in sorted((folder / "fields").iterdir())}
+    return summary["results"], summary["energy"], (folder / "history.csv").read_bytes(), fields
+
+
+def first_written(folder, process):
+    """Wait until a run writes its first checkpoint; the time (s since the epoch)."""
+    partial, path = folder / f".{NAME}.partial", folder / NAME
+    partial.unlink(missing_ok=True)
+    since = path.stat().st_mtime if path.exists() else 0.0
+    while process.poll() is None and not partial.exists() and not (path.exists() and path.stat().st_mtime > since):
+        time.sleep(0.002)
+    return time.time()
+
+
+def survive(folder, number, period, seed=0, say=lambda words: None):
+    """Kill a run `number` times, up to three periods after it began to write its first checkpoint; see `Found`."""
+    draw = random.Random(seed)
+    alone, killed = folder / "alone", folder / "killed"
+    subprocess.run(command(*SCENE, "--checkpoint-every", 0, "--output", alone), cwd=ROOT, check=True)
+    options: tuple = (*SCENE, "--output", killed)
+    kills, loss, writing = 0, 0.0, 0
+    while kills < number:
+        process = subprocess.Popen(command(*options, "--checkpoint-every", period), cwd=ROOT)
+        first = first_written(killed, process)
+        time.sleep(draw.uniform(0.0, 3.0 * period) if draw.random() < 0.7 else 0.0)
+        if process.poll() is None:
+            process.kill()
+            at = time.time()
+            kills += 1
+        if process.wait() == 0:
+            break
+        written = (killed / NAME).stat().st_mtime if (killed / NAME).exists() else 0.0
+        loss = max(loss, at - max(written, first - period))  # the first is due a period after the steps began
+        if written:
+            options = ("--resume", killed)
+        writing += (killed / f".{NAME}.partial").exists()
+        say(f"kill {kills}: {loss:.2f} s lost at most, {writing} while writing")
+    if not (killed / "summary.json").exists():
+        subprocess.run(command(*options), cwd=ROOT, check=True)
+    return Found(kills, loss, writing, results(alone) == results(killed))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--period", type=float, default=0.3, help="seconds between checkpoints")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        found = survive(Path(folder), options.kills, options.period, say=lambda words: print(words, flush=True))
+    print(found)
+    if not (found.same and found.largest_loss < options.period + SLACK):
+        sys.exit("the run did not survive")
+
+
+if __name__ == "__main__":
+    main()
