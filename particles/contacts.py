@@ -155,9 +155,8 @@ def _frame_in_space(scratch, q, step, image):
         store(scratch, _DRIFT + q, STRIDE, drift)
     spin = _triple(scratch, _SPIN + q)
     frame = frame_in_space(
-        branch, scaled(step, plus(_triple(scratch, _MOTION + q), drift)), scaled(step, spin),
-        scaled(step, plus(spin, _triple(scratch, _SPIN_MORE + q))),
-    )  # fmt: skip
+        branch, scaled(step, plus(_triple(scratch, _MOTION + q), drift)), spin, plus(spin, _triple(scratch, _SPIN_MORE + q)), step
+    )
     store(scratch, _FRAME + q, STRIDE, frame)
 
 
@@ -193,8 +192,7 @@ def _in_space(scratch, q, step, viscous, law, blank, image, shared):
     spin, drift = _triple(scratch, _SPIN + q), _drift_of(image, scratch, q)
     rate, rate_i, rate_j = _rates_in_space(scratch, q, viscous, 0.5 * step)
     touch = touch_in_space(
-        load(scratch, _FRAME + q, STRIDE, SPACE), scaled(step, spin),
-        scaled(step, plus(spin, _triple(scratch, _SPIN_MORE + q))), plus(rate, drift), rate_i, rate_j,
+        load(scratch, _FRAME + q, STRIDE, SPACE), spin, plus(spin, _triple(scratch, _SPIN_MORE + q)), plus(rate, drift), rate_i, rate_j,
         radius, radius + scratch[_PLACE + 3 * STRIDE + q], scratch[_REDUCED + q],
     )  # fmt: skip
     response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))

@@ -115,11 +115,11 @@ def touch_in_plane(frame, turn_i, turn_j, rates, radius_i, radius_j, mass):
 
 
 @njit(**INLINE)
-def frame_in_space(b, d, turn_i, turn_j):
-    """The same for two spheres, in the order of `SPACE`; all arguments are vectors of three.
+def frame_in_space(b, d, spin_i, spin_j, step):
+    """The same for two spheres, in the order of `SPACE`; vectors of three, `step` in s, spins those of its middle.
 
     Lengths at the start of the step come from those at its end by series in the change of the squared distance, which is
-    zero then; errors are of its fourth power. `ratio` is 2 tan(|turn| / 2) / |turn|.
+    zero then; errors are of its fourth power. A ratio times the spin is 2 tan(|turn| / 2) / |turn| turn.
     """
     before = minus(b, d)
     distance = math.sqrt(dot(b, b))
@@ -128,17 +128,25 @@ def frame_in_space(b, d, turn_i, turn_j):
     half = 0.25 * distance * change * (1.0 + change * (0.25 + change * (0.125 + 0.078125 * change)))
     inverse_before = inverse * (1.0 + change * (0.5 + change * (0.375 + change * (0.3125 + 0.2734375 * change))))
     n, n_before = scaled(inverse, b), scaled(inverse_before, before)
-    ratio_i, ratio_j = tangent_ratio(0.25 * dot(turn_i, turn_i)), tangent_ratio(0.25 * dot(turn_j, turn_j))
-    tangents = moved(scaled(ratio_i, turn_i), ratio_j, turn_j)
+    quarter = 0.25 * step * step
+    ratio_i = step * tangent_ratio(quarter * dot(spin_i, spin_i))
+    ratio_j = step * tangent_ratio(quarter * dot(spin_j, spin_j))
+    tangents = moved(scaled(ratio_i, spin_i), ratio_j, spin_j)
     _, (sine, cosine), _, share = turning(tangents, n_before, n)
     return (*n, *n_before, distance, inverse, half, ratio_i, ratio_j, sine, cosine, share)
 
 
 @njit(**INLINE)
-def touch_in_space(frame, turn_i, turn_j, rate, spin_i, spin_j, radius_i, radius_j, mass):
-    """Touch of two spheres; arguments as in the plane, all vectors of three.
+def touch_in_space(frame, middle_i, middle_j, rate, spin_i, spin_j, radius_i, radius_j, mass):
+    """Touch of two spheres, all vectors of three.
 
     Rotations enter as 2 tan(|turn| / 2) / |turn| turn, with which a rigid rotation of any size causes no sliding.
+
+    Args:
+        frame: of `frame_in_space`.
+        middle_i, middle_j: spins in the middle of the step, rad/s.
+        rate, spin_i, spin_j: relative velocity of j and spins of both at the end of the step.
+        mass: reduced mass, kg.
     """
     x, y, z, ox, oy, oz, distance, inverse, half, ratio_i, ratio_j, sine, cosine, share = frame
     n, n_before = (x, y, z), (ox, oy, oz)
@@ -146,13 +154,10 @@ def touch_in_space(frame, turn_i, turn_j, rate, spin_i, spin_j, radius_i, radius
     arm_i = radius_i - 0.5 * overlap
     arm_j = distance - arm_i
     mean_i, mean_j = arm_i - 0.5 * half, arm_j - 0.5 * half
-    tangent_i, tangent_j = scaled(ratio_i, turn_i), scaled(ratio_j, turn_j)
-    middle = scaled(0.5, plus(n, n_before))
-    slide = moved(
-        scaled(mean_i + mean_j, minus(n, n_before)), -1.0, cross(moved(scaled(mean_i, tangent_i), mean_j, tangent_j), middle)
-    )
+    surface = moved(scaled(0.5 * mean_i * ratio_i, middle_i), 0.5 * mean_j * ratio_j, middle_j)
+    slide = moved(scaled(mean_i + mean_j, minus(n, n_before)), -1.0, cross(surface, plus(n, n_before)))
     slide = moved(slide, -dot(slide, n), n)  # the mean normal leaves a little along the new one, of the step's square
-    roll = minus(tangent_i, tangent_j)
+    roll = moved(scaled(ratio_i, middle_i), -ratio_j, middle_j)
     twist = dot(roll, n)
     relative = minus(spin_i, spin_j)
     twist_rate = dot(relative, n)

@@ -156,12 +156,11 @@ def dashpot(damping, spring, trial, rate, limit, slips):
 
 
 def _dashpot_vector(damping, spring, trial, rate, limit, slips):
-    part = scaled(damping, rate)
-    square, mixed = dot(part, part), dot(trial, part)
+    square, mixed = dot(rate, rate), dot(trial, rate)
     room = max(0.0, limit * limit - dot(trial, trial))
-    share = (math.sqrt(mixed * mixed + square * room) - mixed) / square if square > 0.0 else 1.0
-    share = 0.0 if slips else min(1.0, share)
-    return moved(spring, share, part), share * dot(part, rate)
+    allowed = (math.sqrt(mixed * mixed + square * room) - mixed) / square if square > 0.0 else damping
+    acting = 0.0 if slips else min(damping, allowed)
+    return moved(spring, acting, rate), acting * square
 
 
 def _dashpot_number(damping, spring, trial, rate, limit, slips):
