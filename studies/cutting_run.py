@@ -214,7 +214,7 @@ def summarise(done: Finished, watch: Stopwatch, heard: list[str]) -> dict[str, A
     counts = {name: round(part * value) if name.endswith("_steps") else value for name, value in model.counts.items()}
     energy = model.energies()
     work, stepping = energy["external_work"], watch.seconds["stepping"]
-    resolved = {"block": "x".join(f"{side:g}" for side in p.size), "depth": p.cut_depth, "region": p.region_text}
+    resolved = {"block": "x".join(f"{side:g}" for side in p.size), "depth": p.cut_depth, "region": p.region_text, "element_size": p.cell_size}
     return {
         "study": "cutting", "method": p.method, "parameters": asdict(p) | resolved, "seed": p.seed, "versions": output.versions(),
         "ranks": 1, "threads": 1, "counts": counts, "steps": model.step_sizes,
