@@ -27,7 +27,7 @@ MASSLESS = 1e-12  # of the largest nodal mass; below it a component does not mov
 class Body:
     """Body of one linear material, with nodal displacements (and rotations of a Cosserat material).
 
-    In plane strain on a plane mesh, in space on one of tetrahedra or hexahedra (`axes` 2 or 3; Cauchy only, nothing excluded).
+    In plane strain on a plane mesh, in space on one of tetrahedra or hexahedra (`axes` 2 or 3; Cauchy only).
 
     Args:
         domain: mesh with named facets (`mesh`, `facets(name)`), as made by `meshes.domains`.
@@ -36,7 +36,7 @@ class Body:
             area of the quadrilateral, or of two triangles), "physical" (rho r^2 / 2 of discs) or a number (kg/m).
         particle_radius: radius r (m) of the discs; needed for "physical".
         excluded: region whose part of all integrals (stiffness, mass, loads) is left out (all of it allowed): exact where it has
-            `corners` (a convex polygon, such as a Box), else by 16 x 16 sub-cells a cell.
+            `corners` (a convex polygon, such as a Box in the plane), else by 16 sub-cells along the edges of a cell.
         share: function of points (n, axes) giving the part (n,) of all integrals that the body carries, 0 to 1, where particles
             carry the rest (such as `bridge.OverlapZone`); instead of `excluded`.
 
@@ -59,7 +59,7 @@ class Body:
         self.comm = self.mesh.comm
         self.axes, self.turns = self.mesh.topology.dim, material.turns
         if self.axes == 3:
-            _check_in_space(material, excluded)
+            _check_in_space(material)
         self.moduli = material.stiffness if self.axes == 2 else material.stiffness_in(3)  # type: ignore[union-attr]
         self.components = self.axes + int(self.turns)
         self.time = 0.0
@@ -360,9 +360,7 @@ class Body:
         return fields.stress_fields(self)
 
 
-def _check_in_space(material: Material, excluded: Any) -> None:
+def _check_in_space(material: Material) -> None:
     """What bodies in space do not have."""
     if material.turns:
         raise ValueError(f"material={material} is for plane meshes: a body in space takes a Cauchy material")
-    if excluded is not None:
-        raise ValueError(f"excluded={excluded} needs a plane mesh: in space leave the cells out of the mesh, or give a share")

@@ -133,7 +133,7 @@ class Boundaries:
             ends = body.cell_nodes[cell][corners[position]]
             places = body.all_coordinates[ends]
             if axes == 3:
-                parts = faces.loads(places, body.share)
+                parts = faces.loads(places, body.share if body.excluded is None else _outside(body.excluded))
             elif body.share is None:
                 parts = cuts.segment_loads(places, body.excluded)
             else:
@@ -162,3 +162,8 @@ def _vector(name: str, value, axes: int, unit: str) -> np.ndarray:
         numbers = {2: "two finite numbers (x, y)", 3: "three finite numbers (x, y, z)"}[axes]
         raise ValueError(f"{name}={value} must be {numbers} in {unit}")
     return vector
+
+
+def _outside(region: Any) -> Any:
+    """Share of the body at points (n, axes): all of it outside a region, none inside."""
+    return lambda points: np.where(np.asarray(region.contains(points), dtype=bool), 0.0, 1.0)

@@ -8,12 +8,13 @@ linear simplices is of degree 2: both are integrated exactly, so a cut element n
 
 from __future__ import annotations
 
+import math
 from functools import reduce
 from itertools import combinations_with_replacement
 
 import numpy as np
 
-from . import _compat, cells
+from . import _compat, cells, pieces
 
 CUT_DEGREE = {"triangle": 4, "quadrilateral": 8, "tetrahedron": 4, "hexahedron": 8}  # degree of the rule on cut cells
 PIECE_DEGREE = 20  # on straight pieces: exact for parallelograms (8 would do), to 1e-11 for distorted quadrilaterals
@@ -24,17 +25,17 @@ TINY = 1e-9  # a smaller uncovered (covered) fraction counts as none (all)
 def uncovered(corners: np.ndarray, region) -> tuple[np.ndarray, dict[int, np.ndarray]]:
     """Uncovered fraction of each cell and the weights of the partly covered ones.
 
-    Exact where the region has `corners` (k, 2), a convex polygon counter-clockwise; else by 16 x 16 sub-cells, whole
-    where `contains` is False at their middle.
+    In the plane exact where the region has `corners` (k, 2), a convex polygon counter-clockwise; else by 16 x 16 (x 16) sub-cells,
+    whole where `contains` is False at their middle.
 
     Args:
-        corners: cell corners (cells, nodes, 2) in m.
+        corners: cell corners (cells, nodes, axes) in m.
         region: object with `contains(points)`, perhaps with `corners`.
 
     Returns:
         Fractions (cells,) in [0, 1], and for each cut cell the factors (q,) of the points of the rule of CUT_DEGREE.
     """
-    if hasattr(region, "corners"):
+    if corners.shape[2] == 2 and hasattr(region, "corners"):
         fractions, parts = _by_polygon(corners, np.asarray(region.corners, dtype=float))
     else:
         fractions, parts = _by_subcells(corners, region)
@@ -104,11 +105,11 @@ def _by_polygon(corners: np.ndarray, polygon: np.ndarray):
     points, weights = _compat.quadrature_rule("triangle", PIECE_DEGREE)
     whole = cells.areas(corners)
     for cell in np.flatnonzero(~outside & ~covered):
-        rest, pieces = corners[cell, cells.RING[nodes]], []
+        rest, outside_parts = corners[cell, cells.RING[nodes]], []
         for start, normal in zip(polygon, outward):
-            pieces.append(_clip(rest, start, -normal))
+            outside_parts.append(_clip(rest, start, -normal))
             rest = _clip(rest, start, normal)
-        triangles = [(p[0], p[i], p[i + 1]) for p in pieces for i in range(1, len(p) - 1)]
+        triangles = [(p[0], p[i], p[i + 1]) for p in outside_parts for i in range(1, len(p) - 1)]
         if not triangles:
             fractions[cell] = 0.0
             continue
@@ -136,28 +137,33 @@ def _clip(polygon: np.ndarray, start: np.ndarray, outward: np.ndarray) -> np.nda
 
 def _by_subcells(corners: np.ndarray, region):
     """Fractions, and the uncovered measure of the cells with both kinds of sub-cells."""
-    nodes = corners.shape[1]
-    middles, sizes = _subcells(nodes)
+    nodes, axes = corners.shape[1:]
+    middles, sizes = _subcells(nodes, axes)
+    shape = cells.shape_functions(middles, nodes)
     fractions, parts = np.ones(len(corners)), {}
     for cell, corner in enumerate(corners):
-        places = cells.shape_functions(middles, nodes) @ corner
+        free = ~np.asarray(region.contains(shape @ corner), dtype=bool)
+        if free.all():
+            continue
         masses = sizes * cells.determinants(corner, middles)
-        free = ~np.asarray(region.contains(places), dtype=bool)
         fractions[cell] = masses[free].sum() / masses.sum()
-        if 0 < np.count_nonzero(free) < len(free):
+        if free.any():
             parts[cell] = (middles[free], masses[free])
     return fractions, parts
 
 
-def _subcells(nodes: int) -> tuple[np.ndarray, np.ndarray]:
-    """Middles (j, 2) and areas (j,) of the sub-cells of the reference cell."""
-    x, y = (a.ravel() for a in np.meshgrid(np.arange(SUBCELLS), np.arange(SUBCELLS), indexing="ij"))
-    if nodes == 4:
-        middles = np.column_stack((x + 0.5, y + 0.5))
-        return middles / SUBCELLS, np.full(len(x), 1.0 / SUBCELLS**2)
-    upward, downward = x + y < SUBCELLS, x + y < SUBCELLS - 1
-    middles = np.concatenate((np.column_stack((x, y))[upward] + 1 / 3, np.column_stack((x, y))[downward] + 2 / 3))
-    return middles / SUBCELLS, np.full(len(middles), 0.5 / SUBCELLS**2)
+def _subcells(nodes: int, axes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Middles (j, axes) and measures (j,) of the sub-cells of the reference cell."""
+    corner = pieces.lattice(SUBCELLS, axes)
+    if not cells.simplex(nodes, axes):
+        middles = corner + 0.5
+    elif axes == 2:
+        upward, downward = (corner[corner.sum(axis=1) < SUBCELLS - k] for k in (0, 1))
+        middles = np.concatenate((upward + 1 / 3, downward + 2 / 3))
+    else:
+        middles = pieces.tetrahedra(SUBCELLS).mean(axis=1)
+    whole = 1.0 / math.factorial(axes) if cells.simplex(nodes, axes) else 1.0
+    return middles / SUBCELLS, np.full(len(middles), whole / SUBCELLS**axes)
 
 
 def segment_loads(ends: np.ndarray, region) -> np.ndarray:

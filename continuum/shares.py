@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import permutations
 
 import numpy as np
 
-from . import _compat, cells, cuts
+from . import _compat, cells, cuts, pieces
 
 SPLIT = {2: 8, 3: 4}  # pieces along an edge of a cell in which the share varies, by axes: in the plane a kink of the share is
 # met to 1e-3 of the cell
@@ -68,39 +67,20 @@ def values(share: Share, points: np.ndarray) -> np.ndarray:
 
 def _grid(nodes: int, axes: int) -> np.ndarray:
     """Reference points (q, axes) on a grid over the cell, corners included."""
-    grid = _lattice(LOOK + 1, axes) / LOOK
+    grid = pieces.lattice(LOOK + 1, axes) / LOOK
     return grid[grid.sum(axis=1) <= 1.0] if cells.simplex(nodes, axes) else grid
-
-
-def _lattice(count: int, axes: int) -> np.ndarray:
-    """Whole numbers (count^axes, axes) from 0 on."""
-    return np.column_stack([a.ravel() for a in np.meshgrid(*axes * [np.arange(count)], indexing="ij")])
 
 
 def composite(nodes: int, axes: int) -> tuple[np.ndarray, np.ndarray]:
     """Points (q, axes) and weights (q,) of the rule of CUT_DEGREE on each of SPLIT^axes pieces of the reference cell."""
     name, split = cells.name(nodes, axes), SPLIT[axes]
     points, weights = _compat.quadrature_rule(name, cuts.CUT_DEGREE[name])
-    corner = _lattice(split, axes)
+    corner = pieces.lattice(split, axes)
     if name == "triangle":
         upward, downward = corner[corner.sum(axis=1) < split], corner[corner.sum(axis=1) < split - 1]
-        pieces = np.concatenate((upward[:, None] + points, downward[:, None] + 1.0 - points))
+        parts = np.concatenate((upward[:, None] + points, downward[:, None] + 1.0 - points))
     elif name == "tetrahedron":
-        pieces = np.einsum("qn,tni->tqi", cells.shape_functions(points, 4), _tetrahedra(split))
+        parts = np.einsum("qn,tni->tqi", cells.shape_functions(points, 4), pieces.tetrahedra(split))
     else:
-        pieces = corner[:, None] + points
-    return pieces.reshape(-1, axes) / split, np.tile(weights / split**axes, len(pieces))
-
-
-def _tetrahedra(split: int) -> np.ndarray:
-    """Corners (split^3, 4, 3) of equal tetrahedra that fill the one with edges of `split` along the axes.
-
-    The six tetrahedra of every unit cube around its diagonal fill {x >= y >= z}, which a linear map takes to the reference cell.
-    """
-    steps = np.eye(3)[list(permutations(range(3)))]
-    paths = np.concatenate((np.zeros((6, 1, 3)), np.cumsum(steps, axis=1)), axis=1)  # from a corner to the opposite one
-    pieces = (_lattice(split, 3)[:, None, None] + paths).reshape(-1, 4, 3)
-    middle = pieces.mean(axis=1)
-    inside = (split > middle[:, 0]) & (middle[:, 0] > middle[:, 1]) & (middle[:, 1] > middle[:, 2])
-    x, y, z = np.moveaxis(pieces[inside], -1, 0)
-    return np.stack((x - y, y - z, z), axis=-1)
+        parts = corner[:, None] + points
+    return parts.reshape(-1, axes) / split, np.tile(weights / split**axes, len(parts))

@@ -26,6 +26,7 @@ METHODS = ("dem", "overlap")
 RADII = 1.0e-3, 1.5e-3  # m
 BLOCKS = {"small": (0.38, 0.30), "full": (0.80, 0.65)}  # m; full as many discs as published
 DEPTHS = {"small": 0.008, "full": 0.03}  # m
+ELEMENTS = {"small": 0.02, "full": 0.025}  # m
 REGIONS = {"small": "0.34x0.06", "full": "0.68x0.14"}
 CLEARANCE = 0.1e-3  # m, between pick and surface at the start
 PICK_LENGTH = 0.06  # m
@@ -48,7 +49,9 @@ class Parameters:
         None, "Width x depth of the discs' region of method overlap (free), in metres.", "WxD", shown="small 0.34x0.06, full 0.68x0.14"
     )
     overlap: float = parameter(0.02, "Width of the rim of the region that is shared (free).", "m", POSITIVE)
-    element_size: float = parameter(0.01, "Size of the elements (free); it must divide the block.", "m", POSITIVE)
+    element_size: float | None = parameter(
+        None, "Size of the elements (free); it must divide the block.", "m", POSITIVE, shown="small 0.02 m, full 0.025 m"
+    )
     rotation: float = parameter(1.6204, "Angular velocity of the arm.", "rad/s", POSITIVE, limits=(1e-3, 1e3))
     arm: float = parameter(0.7, "Distance of the tip from the axis.", "m", POSITIVE, limits=(1e-3, 1e3))
     swing: float = parameter(0.2, "Speed of the axis, along the surface (direction free).", "m/s", NOT_NEGATIVE, limits=(0, 1e3))
@@ -103,9 +106,9 @@ class Parameters:
     def _check_region(self, width: float, height: float) -> None:
         """ValueError for a region that does not hold the cut, or is not held by elements."""
         across, deep = self.region_size
-        cells = [side / self.element_size for side in (width, height)]
+        cells = [side / self.cell_size for side in (width, height)]
         if min(cells) < 1.0 or max(abs(cell - round(cell)) for cell in cells) > 1e-6:
-            raise ValueError(f"element_size={self.element_size:g} must divide the block of {width:g} m x {height:g} m")
+            raise ValueError(f"element_size={self.cell_size:g} must divide the block of {width:g} m x {height:g} m")
         if not (across < width and deep < height):
             raise ValueError(f"region={self.region_text} must lie within the block of {width:g} m x {height:g} m")
         free = 0.5 * across - self.overlap, deep - self.overlap
@@ -124,6 +127,11 @@ class Parameters:
     def cut_depth(self) -> float:
         """Depth of cut, m."""
         return DEPTHS[self.scale] if self.depth is None else self.depth
+
+    @property
+    def cell_size(self) -> float:
+        """Size of the elements, m."""
+        return ELEMENTS[self.scale] if self.element_size is None else self.element_size
 
     @property
     def region_text(self) -> str:
@@ -230,7 +238,7 @@ def body(p: Parameters, share: Any) -> Any:
     from meshes import domains
 
     width, height = p.size
-    cells = tuple(round(side / p.element_size) for side in p.size)
+    cells = tuple(round(side / p.cell_size) for side in p.size)
     rock = Cauchy(p.young_modulus, p.poisson_ratio, p.density * (1.0 - p.porosity))
     found = Body(domains.rectangle((-0.5 * width, -height), (0.5 * width, 0.0), cells), rock, share=share)
     for side in ("left", "right", "bottom"):

@@ -25,7 +25,8 @@ def draw(done: Finished, folder: Path) -> None:
     force([done], folder / "force.png")
     chosen = [done.states[round(share * (len(done.states) - 1))] for share in (1 / 3, 2 / 3, 1.0)]
     states(done, chosen, folder / "states.png")
-    stress(done, chosen, folder / "stress.png")
+    parts = [[done.states[k] for k in part] for part in np.array_split(np.arange(len(done.states)), 3)]
+    stress(done, [max(part, key=lambda now: now.force) for part in parts], folder / "stress.png")
 
 
 def force(runs: list[Finished], path: Path) -> None:
@@ -66,7 +67,7 @@ def states(done: Finished, chosen: list[State], path: Path) -> None:
 
 
 def stress(done: Finished, chosen: list[State], path: Path) -> None:
-    """Mean stress of discs (averaged over circles) and cells, tension positive."""
+    """Mean stress of discs (averaged over circles) and cells, tension positive, when the pick presses hard."""
     drawn, axes = drawing.figure(len(chosen), 1, (8.0, 3.3))
     shown = [now.particles.volumetric_stress[now.fragment == 0] for now in chosen]
     most = 1e-6 * max(map(abs, drawing.limits(*shown)))
@@ -81,7 +82,7 @@ def stress(done: Finished, chosen: list[State], path: Path) -> None:
         bar = _discs(ax, now, values, (-most, most), "RdBu_r")
         drawn.colorbar(bar, ax=ax, shrink=0.8, label="mean stress, MPa")
         _pick(ax, now)
-        drawing.place(ax, _window(done.model.p), f"{1e3 * now.time:.0f} ms")
+        drawing.place(ax, _window(done.model.p), f"{1e3 * now.time:.0f} ms: {1e-3 * now.force:.0f} kN on the pick")
     drawing.save(drawn, path)
 
 

@@ -36,6 +36,7 @@ class State(NamedTuple):
     continuum: ContinuumFields | None
     fragment: np.ndarray  # (n,); 0 is the block
     pick: np.ndarray  # (3, 2), m
+    force: float  # of the pick, N
 
 
 @dataclass
@@ -65,7 +66,8 @@ def state(model: Block) -> State:
     solid = 1.0 - p.porosity
     particles, _ = particle_fields(model.soil, None, solid, p.poisson_ratio, AVERAGING)
     continuum = None if model.body is None else continuum_fields(model.body)
-    return State(model.time, particles, continuum, model.loose(), model.pick.vertices)
+    force = float(np.hypot(*model.pick.force[:2]))
+    return State(model.time, particles, continuum, model.loose(), model.pick.vertices, force)
 
 
 def way(p: Parameters, until: float) -> tuple[float, float]:
@@ -212,7 +214,7 @@ def summarise(done: Finished, watch: Stopwatch, heard: list[str]) -> dict[str, A
     counts = {name: round(part * value) if name.endswith("_steps") else value for name, value in model.counts.items()}
     energy = model.energies()
     work, stepping = energy["external_work"], watch.seconds["stepping"]
-    resolved = {"block": "x".join(f"{side:g}" for side in p.size), "depth": p.cut_depth, "region": p.region_text}
+    resolved = {"block": "x".join(f"{side:g}" for side in p.size), "depth": p.cut_depth, "region": p.region_text, "element_size": p.cell_size}
     return {
         "study": "cutting", "method": p.method, "parameters": asdict(p) | resolved, "seed": p.seed, "versions": output.versions(),
         "ranks": 1, "threads": 1, "counts": counts, "steps": model.step_sizes,

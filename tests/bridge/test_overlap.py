@@ -252,6 +252,7 @@ def test_substeps_follow_the_same_motion():
 WRONG = [
     ({"constraint": "glue"}, "constraint"), ({"rotation": "fixed"}, "rotation"), ({"penalty": 0.0}, "penalty"),
     ({"step": 1.0}, "critical step"), ({"substeps": 0}, "substeps"), ({"mass_damping": -1.0}, "mass_damping"),
+    ({"constraint": "penalty", "vector_damping": (0.2, 0.2)}, "vector_damping"),
 ]  # fmt: skip
 
 

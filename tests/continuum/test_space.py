@@ -175,11 +175,30 @@ def test_a_share_with_faces_anywhere(cell):
     np.testing.assert_array_equal(whole.mass, part.mass)
 
 
+def test_what_a_region_covers_is_left_out(cell):
+    """Mass, strain energy, force and area of the rest; exact where the region's faces are faces of sub-cells (hexahedra).
+
+    Sub-cells of tetrahedra lie across the faces: what is wrong is part of one layer of them, a few thousandths of the body.
+    """
+    region, error = Box((-1.0, -1.0, 0.625), (0.75, 2.0, 2.0)), {"hexahedron": 1e-12, "tetrahedron": 5e-3}[cell]
+    body = Body(domains.box((0, 0, 0), SIZE, (4, 3, 3), cell), ROCK, excluded=region)
+    volume = VOLUME - 0.75 * 1.5 * 0.375
+    assert body.mass[:, 0].sum() == pytest.approx(ROCK.density * volume, rel=error)
+    inside = np.all(body.coordinates < (0.4, 2.0, 2.0), axis=1) & (body.coordinates[:, 2] > 0.9)
+    assert inside.any() and not body.mass[inside].any()
+    body.displacement[:] = body.coordinates @ STRAIN
+    work = 0.5 * np.vdot(body.displacement, body.internal_force())
+    assert work == pytest.approx(0.5 * np.sum(hooke(STRAIN) * STRAIN) * volume, rel=error)
+    body.traction("top", (0.0, 0.0, -1.0))
+    assert body.external_force().sum(axis=0)[2] == pytest.approx(-1.25 * 1.5, rel=1e-12)
+    values = np.linalg.eigvalsh(dense_stiffness(body))
+    assert values[0] > -1e-11 * values[-1]
+
+
 @pytest.mark.parametrize(
     "options, words",
     [
         (dict(material=Cosserat(1e9, 0.2, 1e8, 0.05, 2000.0)), "a body in space takes a Cauchy material"),
-        (dict(excluded=Box((0, 0, 0), (1, 1, 1))), "needs a plane mesh"),
         (dict(share=lambda points: points), r"each point \(n, 3\)"),
     ],
 )
