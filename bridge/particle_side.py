@@ -35,7 +35,8 @@ class ParticleSide:
             return
         self._generation = self.soil.generation
         rows, self._row_ids = np.asarray(self.soil.rows), np.asarray(self.soil.ids)
-        self._reference = np.ascontiguousarray(np.hstack([self.soil.reference, np.zeros((self.soil.count, 1))])[self._row_ids])
+        places = self.soil.reference
+        self._reference = np.ascontiguousarray(np.hstack([places, np.zeros((len(places), 1))])[self._row_ids])
         self._order(rows, self._row_ids)
 
     def rearrange(self) -> None:
@@ -65,13 +66,17 @@ class ParticleSide:
             self._arrange()
 
     def run_loop(
-        self, kernel, steps: int, before: tuple, after: tuple, first: int = -1, until: int | None = None
+        self, kernel, steps: int, before: Any, after: tuple, first: int = -1, until: int | None = None
     ) -> int:
-        """Call a loop until `until` (default all) substeps are done, with new lists on the way; the list is valid then."""
+        """Call a loop until `until` (default all) substeps are done, with new lists on the way; the list is valid then.
+
+        `before` are arguments of the loop, or a function that gives them anew for each list.
+        """
         until = steps if until is None else until
         while True:
             system = self.soil.system
-            first = kernel(system, self._terms, self.linear, self._led, *before, self.step, steps, first, *after)
+            given = before() if callable(before) else before
+            first = kernel(system, self._terms, self.linear, self._led, *given, self.step, steps, first, *after)
             if first < steps:
                 self.soil.refresh()
                 self._arrange()

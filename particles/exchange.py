@@ -77,6 +77,7 @@ class SharedAssembly:
         make: makes the whole scene, walls and all, the same on every rank; it must not have moved.
         comm: the ranks.
         weights: of the particles (n,), in the measure of their cost; all alike by default.
+        room: numbers that loops of the caller sum over the ranks in a step.
 
     Attributes:
         part: the particles that this rank owns, an `Assembly` with ids of its own.
@@ -84,8 +85,10 @@ class SharedAssembly:
         whole: on rank 0 the whole scene, up to date after `collect`; None elsewhere.
     """
 
-    def __init__(self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, weights: np.ndarray | None = None) -> None:
-        self.comm, self._make, self._weights = comm, make, weights
+    def __init__(
+        self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, weights: np.ndarray | None = None, room: int = 0
+    ) -> None:
+        self.comm, self._make, self._weights, self._room = comm, make, weights, room
         self.whole = make() if comm.rank == 0 else None
         self._requests: list[Any] = []
         self._seconds = np.zeros(2)
@@ -139,6 +142,20 @@ class SharedAssembly:
             self._agree_on_servos()
         self.rebuilds += 1
 
+    def refresh(self) -> None:
+        """New lists, where a loop of the caller has found one used up on any rank; see `Assembly.refresh`.
+
+        Raises:
+            Unstable: on every rank, when particles of any rank blow up.
+        """
+        self._together(lambda: self.part._raise_runaway(self.part._step, ""))
+        self.rebuild()
+
+    @property
+    def across(self) -> tuple[Any, Any]:
+        """Border and halo for `particles.motion.evaluate_with`; of the present list."""
+        return self._border, self._halo
+
     def _agree_on_servos(self) -> None:
         body = self.part._system.walls.body
         for column in (STIFFNESS, DASHPOT):
@@ -165,7 +182,7 @@ class SharedAssembly:
         sent = [self._rows_sent(rows) if other != comm.rank else None for other, rows in enumerate(wanted)]
         offered = comm.alltoall(sent)
         sizes = [0 if rows is None else len(rows) for rows in offered]
-        guests = np.concatenate([np.zeros((0, 9)), *(rows for rows in offered if rows is not None)])
+        guests = np.concatenate([np.zeros((0, 10)), *(rows for rows in offered if rows is not None)])
         own = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *wanted]))
         one, guest = self._pairs_with(guests, own, reach)
         used = np.unique(guest)
@@ -201,15 +218,16 @@ class SharedAssembly:
         return found
 
     def _rows_sent(self, rows: np.ndarray) -> np.ndarray:
-        """What others need to know once of these rows (k, 9): number, place, radius, mass, material, shares."""
+        """What others need to know once of these rows (k, 10): number, place, radius, mass, material, shares, ghost."""
         part, system = self.part, self.part._system
-        found = np.zeros((len(rows), 9))
+        found = np.zeros((len(rows), 10))
         found[:, 0], found[:, 1:5] = self.ids[part._ids[rows]], system.position[rows]
         if self.axes == 2:
             found[:, 3] = 0.0
         found[:, 5] = system.lightness[rows, MASS]
         found[:, 6] = 0 if system.material is None else system.material[rows]
-        found[:, 7:] = 1.0 if system.share is None else system.share[rows]
+        found[:, 7:9] = 1.0 if system.share is None else system.share[rows]
+        found[:, 9] = part._ghost[part._ids[rows]]
         return found
 
     def _pairs_with(self, guests: np.ndarray, own: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
@@ -229,7 +247,8 @@ class SharedAssembly:
             grid, places, places[:, RADIUS].copy(), still, part.skin, self.axes, 4 * len(places), part._system.cell
         )
         first, second = first[: start[-1]].astype(np.int64), second[: start[-1]].astype(np.int64)
-        mixed = np.flatnonzero(second >= len(own))  # a guest is never first: guests have no pairs among themselves
+        led = np.concatenate([part._ghost[part._ids[own]], guests[:, 9] > 0.0])  # the caller's ghosts have no pairs, either
+        mixed = np.flatnonzero((second >= len(own)) & ~(led[first] & led[second]))  # guests are never first
         return own[first[mixed]], second[mixed] - len(own)
 
     def _set_arrays(self, guests: np.ndarray, one: np.ndarray, guest: np.ndarray) -> None:
@@ -252,7 +271,7 @@ class SharedAssembly:
         if system.material is not None:
             long["material"] = np.concatenate([system.material, guests[:, 6].astype(np.int32), np.zeros(2, dtype=np.int32)])
         if system.share is not None:
-            long["share"] = np.concatenate([system.share, guests[:, 7:], np.ones((2, 2))])
+            long["share"] = np.concatenate([system.share, guests[:, 7:9], np.ones((2, 2))])
         self._numbers = np.concatenate([self.ids[part._ids], guests[:, 0].astype(np.int64)])  # of the rows, halo and all
         other = count + guest
         exchanged = self._numbers[one] > self._numbers[other]
@@ -294,7 +313,7 @@ class SharedAssembly:
         self._halo = Halo(
             np.concatenate([np.zeros(0, dtype=np.int64), *rows]).astype(np.int64), np.array([part.count]), out, into,
             np.array([_handle(request) for request in self._requests], dtype=np.int64), np.array(handles, dtype=np.int64),
-            np.zeros(2), np.zeros((2, room)), self._seconds,
+            np.zeros(2), np.zeros((2, room)), np.zeros((2, self._room)), self._seconds,
         )  # fmt: skip
 
     def _border_pairs(self) -> Pairs:
@@ -370,8 +389,8 @@ class SharedAssembly:
         """Time of this rank in exchanging rows (waiting for others included) and in agreeing on numbers, s."""
         return {"exchange": float(self._seconds[0]), "agreement": float(self._seconds[1])}
 
-    def energies(self) -> dict[str, float]:
-        """Energies of all particles by term, J; see `Assembly.energies`."""
+    def own_energies(self) -> dict[str, float]:
+        """This rank's part of the energies, J, which sum up to those of all particles."""
         part = self.part
         own = part._system
         part._system = own._replace(sums=self._sums())
@@ -387,6 +406,11 @@ class SharedAssembly:
                 terms[f"elastic_{name}"] = terms.get(f"elastic_{name}", 0.0) + 0.5 * energy
         if self.comm.rank > 0:  # bodies of walls move on all ranks alike
             terms["kinetic_walls"] = terms["imposed"] = 0.0
+        return terms
+
+    def energies(self) -> dict[str, float]:
+        """Energies of all particles by term, J; see `Assembly.energies`."""
+        terms = self.own_energies()
         return dict(zip(terms, self.comm.allreduce(np.array(list(terms.values()))).tolist()))
 
     def energy_balance(self) -> float:
