@@ -1,6 +1,7 @@
 """The foundation of particles and continuum together: bridging scale and overlap.
 
-Rank 0 holds all particles; the continuum is spread over the ranks. Every method is collective.
+The continuum is spread over the ranks, and the particles of the bridging scale's default variant; otherwise rank 0 holds them all.
+Every method is collective.
 """
 
 from __future__ import annotations
