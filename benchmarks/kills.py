@@ -19,7 +19,7 @@ from pathlib import Path
 from bridge.checkpoint import NAME
 
 ROOT = Path(__file__).resolve().parents[1]
-SCENE = ("--assembly", "A", "--step-ratio", "0.02", "--displacement", "0.02", "--no-figures", "--samples", "200")
+SCENE = ("--assembly", "A", "--displacement", "0.02", "--no-figures", "--samples", "200")
 SLACK = 2.0  # s: longest time between two looks at the clock and of writing, on a busy machine
 
 
@@ -58,9 +58,10 @@ def first_written(folder, process):
 def survive(folder, number, period, seed=0, say=lambda words: None):
     """Kill a run `number` times, up to three periods after it began to write its first checkpoint; see `Found`."""
     draw = random.Random(seed)
+    scene = (*SCENE, "--step-ratio", 0.1 / number)  # the run takes about as long as that many kills leave it
     alone, killed = folder / "alone", folder / "killed"
-    subprocess.run(command(*SCENE, "--checkpoint-every", 0, "--output", alone), cwd=ROOT, check=True)
-    options: tuple = (*SCENE, "--output", killed)
+    subprocess.run(command(*scene, "--checkpoint-every", 0, "--output", alone), cwd=ROOT, check=True)
+    options: tuple = (*scene, "--output", killed)
     kills, loss, writing = 0, 0.0, 0
     while kills < number:
         process = subprocess.Popen(command(*options, "--checkpoint-every", period), cwd=ROOT)

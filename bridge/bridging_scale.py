@@ -39,6 +39,7 @@ class BridgingScale:
         substeps: Particle steps in a coarse step.
         variant: One of `VARIANTS`.
         mass_damping: c_m of both scales, 1/s.
+        everywhere: Every rank has all particles, to be spread by `bridge.ranks.spread` before the first step.
 
     Supports, loads and gravity are those of the body and must be set before; its gravity acts on the particles too.
 
@@ -58,6 +59,7 @@ class BridgingScale:
         substeps: int = 1,
         variant: str = "subcycling",
         mass_damping: float = 0.0,
+        everywhere: bool = False,
     ):
         if variant not in VARIANTS:
             raise ValueError(f"variant={variant!r} must be one of {', '.join(VARIANTS)}")
@@ -75,7 +77,7 @@ class BridgingScale:
         ghosts = np.asarray(ghosts, dtype=bool)
         share = np.broadcast_to(np.asarray(share, dtype=np.float64), (int(ghosts.sum()),))
         self._check_steps()
-        self.interpolation = Interpolation(body, soil.reference)
+        self.interpolation = Interpolation(body, soil.reference, everywhere)
         self.exchange = self.interpolation.exchange
         self.fine = FineScale(
             soil,
@@ -88,6 +90,10 @@ class BridgingScale:
         )
         self._revision = body.boundaries.revision
         self.rule = VARIANTS[variant](self)
+        self.restart_account()
+
+    def restart_account(self) -> None:
+        """Count energies from now on (collective)."""
         self._initial = self._terms()
 
     def _check_particles(self, ghosts, share) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
@@ -320,7 +322,9 @@ class FineScale(ParticleSide):
         own, nodes = self.interface, self.nodes
         nodes.velocity[:], nodes.start[:], nodes.slope[:] = velocity[own], force[own], slope[own]
         self._left[0] = 1
-        self.run_loop(run_coarse, steps, (nodes, self._inner, None, None, None, self.mass_damping, self._left), ())
+        self.run_loop(
+            run_coarse, steps, lambda: (nodes, self._inner, None, None, None, self.mass_damping, self._left, *self.across()), ()
+        )
         result[own] = np.hstack([nodes.moved, nodes.velocity - velocity[own], nodes.impulse, nodes.link])
         return result
 
@@ -328,8 +332,12 @@ class FineScale(ParticleSide):
         """Coarse steps of `substeps` fine ones; `at` (w,) are the interface nodes among those of the mesh."""
         self._prepare(steps * substeps)
         self._left[0] = steps
-        before = (self.nodes, self._inner, mesh, stiffness, at, self.mass_damping, self._left)
+        before = (self.nodes, self._inner, mesh, stiffness, at, self.mass_damping, self._left, None, None)
         self.run_loop(run_coarse, substeps, before, ())
+
+    def across(self) -> tuple[Any, Any]:
+        """Contacts with particles of other ranks and the way to them; None where one rank has all particles."""
+        return None, None
 
     def follow_mesh(self, displacement: Array, velocity: Array, acceleration: Array) -> None:
         """Put massless ghosts where the nodal motion (needed nodes, 3) says."""
@@ -356,6 +364,11 @@ class FineScale(ParticleSide):
     def interface_work(self) -> float:
         """Work of the mesh on the particles through the ghosts, J."""
         return float(self._work[0])
+
+    @property
+    def lost_by_nodes(self) -> float:
+        """What mass damping has taken from the interface nodes in the particles' steps, J."""
+        return float(self.nodes.lost[0])
 
     def energies(self) -> list[float]:
         """Energies (J) in the order of `ENERGY_NAMES`; `external` is the work of plates, gravity and held particles."""

@@ -61,18 +61,26 @@ class NodeExchange:
         return received
 
 
+class ExchangeOfOneRank(NodeExchange):
+    """The same where every rank has the same values at the same nodes: those of rank 0 go to the owners."""
+
+    def scatter(self, values: Array, owned: Array) -> None:
+        super().scatter(values if self._comm.rank == 0 else np.zeros_like(values), owned)
+
+
 class Interpolation:
     """Scalar shape-function matrix N (particles, needed nodes) of given points, the same for every component.
 
     Args:
         body: The continuum body (shape functions of its mesh).
         points: Reference positions (n, 2) of this rank's particles, m; may be empty. Collective.
+        everywhere: Every rank has the same points; what is scattered is rank 0's.
 
     Raises:
         ValueError: a point lies outside the mesh.
     """
 
-    def __init__(self, body, points: Array):
+    def __init__(self, body, points: Array, everywhere: bool = False):
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         nodes, values, found = body.shape_functions(points)
         lost = np.flatnonzero(~np.asarray(found, dtype=bool))
@@ -82,7 +90,8 @@ class Interpolation:
             raise ValueError(
                 f"{total_lost} particles lie outside the mesh{where}: the particle region must lie inside it"
             )
-        self.exchange = NodeExchange(body.comm, body.owned_range, nodes)
+        kind = ExchangeOfOneRank if everywhere else NodeExchange
+        self.exchange = kind(body.comm, body.owned_range, nodes)
         columns = np.searchsorted(self.exchange.nodes, nodes)
         count, per_cell = nodes.shape
         rows = np.repeat(np.arange(count), per_cell)

@@ -37,8 +37,9 @@ class ParticleSide:
             return
         self._generation = self.soil.generation
         rows, self._row_ids = np.asarray(self.soil.rows), np.asarray(self.soil.ids)
-        turning = np.zeros((self.soil.count, 3 - self.soil.axes))
-        self._reference = np.ascontiguousarray(np.hstack([self.soil.reference, turning])[self._row_ids])
+        places = self.soil.reference
+        turning = np.zeros((len(places), 3 - self.soil.axes))
+        self._reference = np.ascontiguousarray(np.hstack([places, turning])[self._row_ids])
         self._order(rows, self._row_ids)
 
     def rearrange(self) -> None:
@@ -68,13 +69,17 @@ class ParticleSide:
             self._arrange()
 
     def run_loop(
-        self, kernel, steps: int, before: tuple, after: tuple, first: int = -1, until: int | None = None
+        self, kernel, steps: int, before: Any, after: tuple, first: int = -1, until: int | None = None
     ) -> int:
-        """Call a loop until `until` (default all) substeps are done, with new lists on the way; the list is valid then."""
+        """Call a loop until `until` (default all) substeps are done, with new lists on the way; the list is valid then.
+
+        `before` are arguments of the loop, or a function that gives them anew for each list.
+        """
         until = steps if until is None else until
         while True:
             system = self.soil.system
-            first = kernel(system, self._terms, self.linear, self._led, *before, self.step, steps, first, *after)
+            given = before() if callable(before) else before
+            first = kernel(system, self._terms, self.linear, self._led, *given, self.step, steps, first, *after)
             if first < steps:
                 self.soil.refresh()
                 self._arrange()

@@ -16,7 +16,8 @@ from numba import njit
 from bridge.blocks import row_times
 from bridge.substeps import carry_ghosts, ghosts_feel, linear_forces, still_ghosts, take_link
 from particles.block_motion import ONWARD, TO_END
-from particles.motion import drift, evaluate, kick_on, stale
+from particles.motion import drift, evaluate_with, kick_on, stale
+from particles.ranks import highest, sum_together
 from particles.system import INNER, STEPS
 
 
@@ -181,7 +182,9 @@ def _end_coarse(mesh, nodes, stiffness, at, damping, step):
 
 
 @njit(**STEPS)
-def run_coarse(system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at, damping, left, h, steps, first):
+def run_coarse(
+    system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at, damping, left, border, halo, h, steps, first
+):
     """Coarse steps until none are `left` (1,), each of `steps` fine ones of the particles and the interface nodes.
 
     The ghosts are where the nodes put them. Returns on the way for a new list, with the number of fine steps done.
@@ -192,14 +195,16 @@ def run_coarse(system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at,
             reads `nodes`.
         at: (w,) interface nodes among all nodes.
         damping: c_m, 1/s.
+        border, halo: Contacts with particles of other ranks and the way to them, None on one rank; the nodes are on all ranks.
         h: Fine step, s.
         first: -1, or the fine steps done before the list was built anew.
     """
     while left[0] > 0:
         if first < 0:
             _start_coarse(mesh, nodes, stiffness, at, damping, h * steps)
-            if ghosts_feel(system, ghosts):
+            if highest(halo, 1 if ghosts_feel(system, ghosts) else 0) == 1:
                 take_link(system, ghosts, nodes.link)
+                sum_together(halo, nodes.link)
             else:
                 still_ghosts(system, ghosts)
             _start_nodes(nodes, damping, h)
@@ -207,12 +212,13 @@ def run_coarse(system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at,
             carry_ghosts(system, ghosts, nodes, h)
         for j in range(max(first, 0), steps):
             if linear is None:
-                if stale(system):
+                if highest(halo, 1 if stale(system) else 0) == 1:
                     return j
-                evaluate(system, terms, h)
+                evaluate_with(system, terms, h, border, halo)
             else:
                 linear_forces(system.position, system.force, linear)
             take_link(system, ghosts, nodes.link)
+            sum_together(halo, nodes.link)
             last = j == steps - 1
             _pull_nodes(nodes, inner, (j + 1) * h, 0.5 * h if last else h)
             _kick_nodes(nodes, damping, h, last)

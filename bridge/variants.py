@@ -230,7 +230,7 @@ class SubcyclingVariant(Rule):
 
     def energies(self) -> np.ndarray:
         result = super().energies()
-        result[2:4] = self._lost[0] + self.fine.nodes.lost[0], self._work[0]
+        result[2:4] = self._lost[0] + self.fine.lost_by_nodes, self._work[0]
         return result
 
 

@@ -25,6 +25,7 @@ from particles.contacts import SCRATCH
 from particles.dispatch import Direct
 from particles.motion import FINISHED, Unstable
 from particles.neighbours import ROOM
+from particles.parts import ROWS, Pairs, all_pairs, cut, take_histories, wall_pairs
 from particles.ranks import Halo, numbers
 from particles.state import restore
 from particles.system import MASS, RADIUS, SUMS, TRAVEL, TRAVEL_LIMIT, WALLS, Terms
@@ -37,7 +38,6 @@ llvm.load_library_permanently(MPI.__file__)  # the compiled loops call MPI by th
 
 TAG = 7
 _PADDED = ("position", "velocity", "acceleration", "force", "spin", "angular", "torque", "lightness")
-_ROWS = (*_PADDED, "rotation", "nimbleness")
 _advance, _evaluate, _stale, _runaway, _kick = map(
     Direct, (motion.advance, motion.evaluate_with, motion.stale, motion.runaway, motion.kick)
 )
@@ -48,28 +48,6 @@ def _handle(of: Any) -> int:
     return MPI._handleof(of)
 
 
-class Pairs:
-    """Contact histories by the numbers of their particles in the whole scene: key = lower * count + higher."""
-
-    def __init__(self, one: np.ndarray, other: np.ndarray, history: np.ndarray, signs: np.ndarray, count: int) -> None:
-        low, high = np.minimum(one, other).astype(np.int64), np.maximum(one, other).astype(np.int64)
-        key = low * count + high
-        order = np.argsort(key, kind="stable")
-        turned = np.where((one > other)[None, :], signs[:, None], 1.0)
-        self.key, self.history = key[order], (turned * history)[:, order]
-        self._signs, self._count = signs, count
-
-    def of(self, one: np.ndarray, other: np.ndarray, history: np.ndarray) -> None:
-        """Write the histories of pairs (k,) that are known into `history` (columns, k or more)."""
-        if not len(self.key) or not len(one):
-            return
-        low, high = np.minimum(one, other).astype(np.int64), np.maximum(one, other).astype(np.int64)
-        place = np.minimum(np.searchsorted(self.key, low * self._count + high), len(self.key) - 1)
-        known = np.flatnonzero(self.key[place] == low * self._count + high)
-        turned = np.where((one > other)[None, known], self._signs[:, None], 1.0)
-        history[:, known] = turned * self.history[:, place[known]]
-
-
 class SharedAssembly:
     """An assembly whose particles are spread over the ranks of a communicator; construction and methods are collective.
 
@@ -77,6 +55,7 @@ class SharedAssembly:
         make: makes the whole scene, walls and all, the same on every rank; it must not have moved.
         comm: the ranks.
         weights: of the particles (n,), in the measure of their cost; all alike by default.
+        room: numbers that loops of the caller sum over the ranks in a step.
 
     Attributes:
         part: the particles that this rank owns, an `Assembly` with ids of its own.
@@ -84,8 +63,10 @@ class SharedAssembly:
         whole: on rank 0 the whole scene, up to date after `collect`; None elsewhere.
     """
 
-    def __init__(self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, weights: np.ndarray | None = None) -> None:
-        self.comm, self._make, self._weights = comm, make, weights
+    def __init__(
+        self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, weights: np.ndarray | None = None, room: int = 0
+    ) -> None:
+        self.comm, self._make, self._weights, self._room = comm, make, weights, room
         self.whole = make() if comm.rank == 0 else None
         self._requests: list[Any] = []
         self._seconds = np.zeros(2)
@@ -101,11 +82,11 @@ class SharedAssembly:
         self.part, self._signs = part, part._laws.signs
         self._border: Any = None
         self._border_sums = np.zeros(SUMS)
-        self._known = _all_pairs(part, np.arange(self.count), self.count)
+        self._known = all_pairs(part, np.arange(self.count), self.count)
         if comm.rank > 0:  # what has been summed so far is rank 0's
             part._imposed = 0.0
             part._system.sums[:] = 0.0
-        _cut(part, self.ids)
+        cut(part, self.ids)
         self.rebuild()
 
     def restore(self, state: dict[str, Any] | None) -> None:
@@ -139,6 +120,20 @@ class SharedAssembly:
             self._agree_on_servos()
         self.rebuilds += 1
 
+    def refresh(self) -> None:
+        """New lists, where a loop of the caller has found one used up on any rank; see `Assembly.refresh`.
+
+        Raises:
+            Unstable: on every rank, when particles of any rank blow up.
+        """
+        self._together(lambda: self.part._raise_runaway(self.part._step, ""))
+        self.rebuild()
+
+    @property
+    def across(self) -> tuple[Any, Any]:
+        """Border and halo for `particles.motion.evaluate_with`; of the present list."""
+        return self._border, self._halo
+
     def _agree_on_servos(self) -> None:
         body = self.part._system.walls.body
         for column in (STIFFNESS, DASHPOT):
@@ -165,7 +160,7 @@ class SharedAssembly:
         sent = [self._rows_sent(rows) if other != comm.rank else None for other, rows in enumerate(wanted)]
         offered = comm.alltoall(sent)
         sizes = [0 if rows is None else len(rows) for rows in offered]
-        guests = np.concatenate([np.zeros((0, 9)), *(rows for rows in offered if rows is not None)])
+        guests = np.concatenate([np.zeros((0, 10)), *(rows for rows in offered if rows is not None)])
         own = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *wanted]))
         one, guest = self._pairs_with(guests, own, reach)
         used = np.unique(guest)
@@ -201,15 +196,16 @@ class SharedAssembly:
         return found
 
     def _rows_sent(self, rows: np.ndarray) -> np.ndarray:
-        """What others need to know once of these rows (k, 9): number, place, radius, mass, material, shares."""
+        """What others need to know once of these rows (k, 10): number, place, radius, mass, material, shares, ghost."""
         part, system = self.part, self.part._system
-        found = np.zeros((len(rows), 9))
+        found = np.zeros((len(rows), 10))
         found[:, 0], found[:, 1:5] = self.ids[part._ids[rows]], system.position[rows]
         if self.axes == 2:
             found[:, 3] = 0.0
         found[:, 5] = system.lightness[rows, MASS]
         found[:, 6] = 0 if system.material is None else system.material[rows]
-        found[:, 7:] = 1.0 if system.share is None else system.share[rows]
+        found[:, 7:9] = 1.0 if system.share is None else system.share[rows]
+        found[:, 9] = part._ghost[part._ids[rows]]
         return found
 
     def _pairs_with(self, guests: np.ndarray, own: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
@@ -229,7 +225,8 @@ class SharedAssembly:
             grid, places, places[:, RADIUS].copy(), still, part.skin, self.axes, 4 * len(places), part._system.cell
         )
         first, second = first[: start[-1]].astype(np.int64), second[: start[-1]].astype(np.int64)
-        mixed = np.flatnonzero(second >= len(own))  # a guest is never first: guests have no pairs among themselves
+        led = np.concatenate([part._ghost[part._ids[own]], guests[:, 9] > 0.0])  # the caller's ghosts have no pairs, either
+        mixed = np.flatnonzero((second >= len(own)) & ~(led[first] & led[second]))  # guests are never first
         return own[first[mixed]], second[mixed] - len(own)
 
     def _set_arrays(self, guests: np.ndarray, one: np.ndarray, guest: np.ndarray) -> None:
@@ -252,7 +249,7 @@ class SharedAssembly:
         if system.material is not None:
             long["material"] = np.concatenate([system.material, guests[:, 6].astype(np.int32), np.zeros(2, dtype=np.int32)])
         if system.share is not None:
-            long["share"] = np.concatenate([system.share, guests[:, 7:], np.ones((2, 2))])
+            long["share"] = np.concatenate([system.share, guests[:, 7:9], np.ones((2, 2))])
         self._numbers = np.concatenate([self.ids[part._ids], guests[:, 0].astype(np.int64)])  # of the rows, halo and all
         other = count + guest
         exchanged = self._numbers[one] > self._numbers[other]
@@ -294,7 +291,7 @@ class SharedAssembly:
         self._halo = Halo(
             np.concatenate([np.zeros(0, dtype=np.int64), *rows]).astype(np.int64), np.array([part.count]), out, into,
             np.array([_handle(request) for request in self._requests], dtype=np.int64), np.array(handles, dtype=np.int64),
-            np.zeros(2), np.zeros((2, room)), self._seconds,
+            np.zeros(2), np.zeros((2, room)), np.zeros((2, self._room)), self._seconds,
         )  # fmt: skip
 
     def _border_pairs(self) -> Pairs:
@@ -370,8 +367,8 @@ class SharedAssembly:
         """Time of this rank in exchanging rows (waiting for others included) and in agreeing on numbers, s."""
         return {"exchange": float(self._seconds[0]), "agreement": float(self._seconds[1])}
 
-    def energies(self) -> dict[str, float]:
-        """Energies of all particles by term, J; see `Assembly.energies`."""
+    def own_energies(self) -> dict[str, float]:
+        """This rank's part of the energies, J, which sum up to those of all particles."""
         part = self.part
         own = part._system
         part._system = own._replace(sums=self._sums())
@@ -387,6 +384,11 @@ class SharedAssembly:
                 terms[f"elastic_{name}"] = terms.get(f"elastic_{name}", 0.0) + 0.5 * energy
         if self.comm.rank > 0:  # bodies of walls move on all ranks alike
             terms["kinetic_walls"] = terms["imposed"] = 0.0
+        return terms
+
+    def energies(self) -> dict[str, float]:
+        """Energies of all particles by term, J; see `Assembly.energies`."""
+        terms = self.own_energies()
         return dict(zip(terms, self.comm.allreduce(np.array(list(terms.values()))).tolist()))
 
     def energy_balance(self) -> float:
@@ -414,11 +416,11 @@ class SharedAssembly:
         """The whole scene as it is now on rank 0, with all contacts and energies; None elsewhere."""
         part, comm, whole = self.part, self.comm, self.whole
         system = part._system
-        own = {name: getattr(system, name) for name in _ROWS if getattr(system, name) is not None}
-        inner, border = _all_pairs(part, self.ids, self.count), self._border_pairs()
+        own = {name: getattr(system, name) for name in ROWS if getattr(system, name) is not None}
+        inner, border = all_pairs(part, self.ids, self.count), self._border_pairs()
         lower = np.isin(border.key // self.count, self.ids)
         pairs = np.concatenate([inner.key, border.key[lower]]), np.hstack([inner.history, border.history[:, lower]])
-        walls = None if system.walls is None else (self.ids[part._ids[system.walls.row]], *_wall_pairs(system.walls))
+        walls = None if system.walls is None else (self.ids[part._ids[system.walls.row]], *wall_pairs(system.walls))
         parts = comm.gather((self.ids[part._ids], own, pairs, walls, self._sums()), root=0)
         if whole is None:
             return None
@@ -440,82 +442,6 @@ class SharedAssembly:
         whole._system.clock[TRAVEL] = 0.0
         listing.rebuild(whole)
         whole._system.sums[:] = sum(sums for *_, sums in parts)
-        _take_histories(whole, [pairs for _, _, pairs, _, _ in parts], [walls for *_, walls, _ in parts])
+        take_histories(whole, [pairs for _, _, pairs, _, _ in parts], [walls for *_, walls, _ in parts])
         whole._primed = part._primed
         return whole
-
-
-def _all_pairs(soil: Assembly, numbers_of: np.ndarray, count: int) -> Pairs:
-    system = soil._system
-    pairs = int(system.start[-1])
-    first, second = (numbers_of[soil._ids[rows[:pairs]]] for rows in (system.first, system.second))
-    return Pairs(first, second, system.history[:, :pairs], soil._laws.signs, count)
-
-
-def _wall_pairs(walls: Any) -> tuple[Any, ...]:
-    image = np.zeros(len(walls.row)) if walls.image is None else walls.image @ [1.0, 3.0, 9.0]
-    return walls.facet, image, walls.history
-
-
-def _take_histories(whole: Assembly, pairs: list[Any], walls: list[Any]) -> None:
-    """Write gathered histories into the lists of the whole scene."""
-    system = whole._system
-    known = Pairs.__new__(Pairs)
-    key, history = np.concatenate([key for key, _ in pairs]), np.hstack([values for _, values in pairs])
-    order = np.argsort(key, kind="stable")
-    known.key, known.history, known._signs, known._count = key[order], history[:, order], whole._laws.signs, whole.count
-    count = int(system.start[-1])
-    known.of(whole._ids[system.first[:count]], whole._ids[system.second[:count]], system.history)
-    if system.walls is None:
-        return
-    listed = {}
-    for numbers_of, facet, image, values in walls:
-        listed.update({one: values[:, k] for k, one in enumerate(zip(numbers_of.tolist(), facet.tolist(), image.tolist()))})
-    facet, image, values = _wall_pairs(system.walls)
-    for k, one in enumerate(zip(whole._ids[system.walls.row].tolist(), facet.tolist(), image.tolist())):
-        if one in listed:
-            values[:, k] = listed[one]
-
-
-def _cut(soil: Assembly, ids: np.ndarray) -> None:
-    """Leave these particles (ascending ids) in an assembly alone; they get the ids 0, 1, ...; histories among them stay."""
-    system = soil._system
-    rows = np.sort(soil._rows[ids])
-    place = np.full(soil.count, -1, dtype=np.int32)
-    place[rows] = np.arange(len(rows), dtype=np.int32)
-    changed: dict[str, Any] = {}
-    for name in _ROWS:
-        if getattr(system, name) is not None:
-            changed[name] = aligned((len(rows), 4))
-            changed[name][:] = getattr(system, name)[rows]
-    for name in ("material", "external", "share", "listed"):
-        if getattr(system, name) is not None:
-            changed[name] = np.ascontiguousarray(getattr(system, name)[rows])
-    if system.flow is not None:
-        changed["flow"] = aligned((len(rows), 4))
-    pairs = int(system.start[-1])
-    first, second = place[system.first[:pairs]], place[system.second[:pairs]]
-    kept = np.flatnonzero((first >= 0) & (second >= 0))
-    none = np.zeros(ROOM, dtype=np.int32)
-    changed["first"], changed["second"] = (np.concatenate([some[kept], none]) for some in (first, second))
-    changed["start"] = np.searchsorted(first[kept], np.arange(len(rows) + 1)).astype(np.int32)
-    changed["history"] = aligned((len(system.history), len(kept) + ROOM))
-    changed["history"][:, : len(kept)] = system.history[:, kept]
-    if system.walls is not None:
-        near = place[system.walls.row]
-        own = np.flatnonzero(near >= 0)
-        image = None if system.walls.image is None else np.ascontiguousarray(system.walls.image[own])
-        changed["walls"] = system.walls._replace(
-            start=np.zeros(1, dtype=np.int32), row=near[own], facet=system.walls.facet[own], image=image,
-            history=np.ascontiguousarray(system.walls.history[:, own]),
-        )  # fmt: skip
-    soil._held = {int(np.searchsorted(ids, one)): free for one, free in soil._held.items() if place[soil._rows[one]] >= 0}
-    soil._ids = np.searchsorted(ids, soil._ids[rows]).astype(np.int32)
-    soil._rows = np.empty_like(soil._ids)
-    soil._rows[soil._ids] = np.arange(len(rows), dtype=np.int32)
-    for name in ("_reference", "_radii", "_masses", "_inertias", "_ghost", "_sorted_at", "_external"):
-        values = getattr(soil, name)
-        if values is not None:
-            setattr(soil, name, values[ids].copy())
-    soil.count, soil._system = len(rows), system._replace(**changed)
-    soil._compose_held()

@@ -34,6 +34,7 @@ class Halo(NamedTuple):
     handles: Any  # (4,) int64: communicator, kind of number, largest of, sum of
     flag: Any  # (2,): room for a number and the largest of it
     reactions: Any  # (2, walls * 6 + bodies): room for reactions on walls and their sums
+    sums: Any  # (2, numbers): room for what else is summed
     seconds: Any  # (2,): spent in exchanging rows (with the wait for others), in agreeing on numbers
 
 
@@ -145,4 +146,25 @@ def _sum_reactions(halo, wall, body):
         at += 6
     for b in range(body.shape[0]):
         body[b, TOUCHING] = total[at + b]
+    halo.seconds[AGREED] += _time() - start
+
+
+@njit(**INNER)
+def sum_together(halo, values):
+    """Replace an array (k, 3) by its sum over the ranks (collective), the same to the bit on all; nothing on one rank."""
+    if halo is not None:
+        _sum_together(halo, values)
+
+
+@njit(**INNER)
+def _sum_together(halo, values):
+    own, total, start = halo.sums[0], halo.sums[1], _time()
+    for i in range(values.shape[0]):
+        for c in range(3):
+            own[3 * i + c] = values[i, c]
+    number = 3 * values.shape[0]
+    _all_reduce(own.ctypes.data, total.ctypes.data, number, halo.handles[DOUBLE], halo.handles[SUM], halo.handles[COMM])
+    for i in range(values.shape[0]):
+        for c in range(3):
+            values[i, c] = total[3 * i + c]
     halo.seconds[AGREED] += _time() - start

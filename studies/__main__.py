@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 import sys
+import time
 import traceback
 
 import click
@@ -23,6 +24,7 @@ STUDIES = {
     "accuracy": ("studies.accuracy", "speed against error of a study over a list of settings"),
 }
 USAGE_ERROR = 2
+PATIENCE = 10.0  # s that a rank waits for the others to refuse, too
 
 
 class _Studies(click.Group):
@@ -83,13 +85,19 @@ def _end_all_ranks() -> None:
 
 
 def _refuse(sentence: str) -> int:
-    """Print the sentence on one line, once however many ranks there are."""
+    """Print the sentence on one line, once however many ranks there are; a rank that alone refuses ends the others."""
     from mpi4py import MPI
 
+    short = re.sub(r"(\d{10})\d{20,}", r"\1...", " ".join(sentence.split()))
     if MPI.COMM_WORLD.rank == 0:
-        short = re.sub(r"(\d{10})\d{20,}", r"\1...", " ".join(sentence.split()))
         click.echo(f"Error: {short}", err=True)
-    MPI.COMM_WORLD.Barrier()  # mpirun ends the others as soon as one rank leaves with an error
+    others = MPI.COMM_WORLD.Ibarrier()  # mpirun ends the others as soon as one rank leaves with an error
+    until = time.monotonic() + PATIENCE
+    while not others.Test():
+        if time.monotonic() > until:
+            click.echo(f"Error on rank {MPI.COMM_WORLD.rank}: {short}", err=True)
+            MPI.COMM_WORLD.Abort(USAGE_ERROR)
+        time.sleep(0.01)
     return USAGE_ERROR
 
 

@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from studies.foundation import TITLE, Parameters
-from studies.options import brief, click_options, no_fields_option, no_figures_option, quiet_option
+from studies.options import brief, check_cores, click_options, no_fields_option, no_figures_option, quiet_option
 
 HELP = f"""{TITLE}.
 
@@ -57,6 +57,7 @@ def command(
     """Check everything, then run; returns the exit status."""
     if not 0.0 <= checkpoint_every < math.inf:
         raise ValueError(f"checkpoint_every={checkpoint_every} must be zero or positive (s)")
+    check_cores()
     if resume is not None:
         given = [name for name in context.params if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
         others = sorted(set(given) - {"resume", "checkpoint_every", "quiet"})

@@ -1,6 +1,7 @@
 """The foundation of particles and continuum together: bridging scale and overlap.
 
-Rank 0 holds all particles; the continuum is spread over the ranks. Every method is collective.
+The continuum is spread over the ranks, and the particles of the bridging scale's default variant; otherwise rank 0 holds them all.
+Every method is collective.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ import numpy as np
 from mpi4py import MPI
 
 from bridge import BridgingScale, Overlap, growth, kept
+from bridge.ranks import spread
 from bridge.run import Stopwatch, on_root
 from continuum import Unstable as ContinuumUnstable
 from particles import Unstable
+from particles.exchange import SharedAssembly
 from studies import foundation as scene
 from studies.foundation import Parameters
 from studies.foundation_models import (
@@ -27,7 +30,7 @@ from studies.foundation_models import (
     no_particles,
     on_root_only,
 )
-from studies.foundation_shared import SharedParticleFoundation
+from studies.foundation_shared import SharedParticleFoundation, spread_of
 from studies.foundation_steps import fit_substeps, warn_of_growth
 from studies.snapshots import Snapshot
 
@@ -110,25 +113,33 @@ class CoupledFoundation(Foundation):
 class BridgedFoundation(CoupledFoundation):
     """Particles under the plate and the continuum around them, by the bridging-scale method."""
 
+    everywhere = False  # whether every rank makes all particles
+    _share: Any
+
     def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
         super().__init__(p, comm)
-        nested = on_root_only(comm, lambda: scene.nested_particles(p))
-        self.soil, self.ghosts, share = nested or (no_particles(p), np.zeros(0, dtype=bool), np.zeros(0))
+        nested: Any = on_root_only(comm, lambda: scene.nested_particles(p))
+        if self.everywhere and nested is None:
+            nested = scene.nested_particles(p)
+        self.soil, self.ghosts, self._share = nested or (no_particles(p), np.zeros(0, dtype=bool), np.zeros(0))
         self.body = scene.body(p, self.material, comm, excluded=scene.particle_region(p))
-        substeps = self._plan_both(on_root(comm, lambda: self.soil.critical_step()))
+        self._substeps = self._plan_both(on_root(comm, lambda: self.soil.critical_step()))
         mean_radius = float(np.mean(on_root(comm, lambda: self.soil.radii)))
-        warn_of_growth(p, substeps, self.step / self.step_sizes["coarse_critical"], mean_radius)
-        self.coupled = BridgingScale(
-            self.body, self.soil, self.ghosts, share, step=self.step, substeps=substeps, variant=p.variant,
-            mass_damping=p.damping,
-        )  # fmt: skip
+        warn_of_growth(p, self._substeps, self.step / self.step_sizes["coarse_critical"], mean_radius)
+        self.coupled = self._couple()
         self._watch(stopwatch)
         ghosts, particles = on_root(comm, lambda: (int(self.ghosts.sum()), int((~self.ghosts).sum())))
         covered = comm.allreduce(int(np.count_nonzero(self.body.cell_fractions == 0.0)))
         self.counts = {
             "particles": particles, "ghosts": ghosts, "elements": comm.allreduce(len(self.body.cell_nodes)),
-            "covered_elements": covered, "coarse_steps": self.steps, "fine_steps": self.steps * substeps,
+            "covered_elements": covered, "coarse_steps": self.steps, "fine_steps": self.steps * self._substeps,
         }  # fmt: skip
+
+    def _couple(self) -> BridgingScale:
+        return BridgingScale(
+            self.body, self.soil, self.ghosts, self._share, step=self.step, substeps=self._substeps, variant=self.p.variant,
+            mass_damping=self.p.damping, everywhere=self.everywhere,
+        )  # fmt: skip
 
     def grows(self) -> Any:
         """The growth test of the linearised system, with a warning where it grows; takes a while."""
@@ -139,6 +150,76 @@ class BridgedFoundation(CoupledFoundation):
     def snapshot(self) -> Snapshot:
         self.coupled.project_covered()
         return super().snapshot()
+
+
+class SharedBridgedFoundation(BridgedFoundation):
+    """The same with the particles spread over the ranks; made from a coupling that every rank has with all particles."""
+
+    everywhere = True
+
+    def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
+        super().__init__(p, stopwatch, comm)
+        self._stopwatch = stopwatch
+        self._spread(SharedAssembly(self._particles, comm, room=3 * len(self.coupled.fine.interface)))
+        self._watch(stopwatch)
+
+    def _particles(self) -> Any:
+        soil, ghosts, _ = scene.nested_particles(self.p)
+        soil.set_ghosts(ghosts)
+        return soil
+
+    def _spread(self, shared: SharedAssembly) -> None:
+        self.shared, self._whole_fine = shared, self.coupled.fine
+        spread(self.coupled, shared)
+        shared.prepare(self.coupled.fine.step, mass_damping=self.p.damping, gravity=self.body.gravity_acceleration)
+
+    def advance(self, steps: int) -> None:
+        """Take coarse steps."""
+        self.coupled.advance(steps)
+        self._check_stable()
+
+    def load(self) -> float:
+        return float(self.shared.part.plates[0].force[1])
+
+    def grows(self) -> Any:
+        return BridgedFoundation(self.p, Stopwatch(), self.comm).grows()
+
+    def _with_whole(self, work: Callable[[], Any]) -> Any:
+        """Do something with all particles on rank 0, where their number does not matter (collective)."""
+        whole, coupled = self.shared.collect(), self.coupled
+        if whole is not None:
+            self.soil = coupled.soil = self._whole_fine.soil = whole
+            self._whole_fine.rearrange()
+        own = coupled.fine
+        coupled.fine = coupled.rule.fine = self._whole_fine
+        try:
+            return work()
+        finally:
+            coupled.fine = coupled.rule.fine = own
+
+    def snapshot(self) -> Snapshot:
+        return self._with_whole(super().snapshot)
+
+    def state(self) -> dict[str, Any]:
+        found = self._with_whole(super().state)
+        if self.comm.rank == 0:
+            found["own_sums"][1:] = 0.0  # every rank keeps the same
+        return found
+
+    def restore(self, state: dict[str, Any]) -> None:
+        state = self.comm.bcast(state, root=0)
+        self.soil = self._particles()
+        self.coupled = self._couple()
+        super().restore(state)
+        shared = SharedAssembly(self._particles, self.comm, room=3 * len(self.coupled.fine.interface))
+        shared.restore(state["particles"])
+        initial = self.coupled._initial
+        self._spread(shared)
+        self.coupled._initial = initial
+        self._watch(self._stopwatch)
+
+    def parallel(self) -> dict[str, Any]:
+        return spread_of(self.shared, self._stopwatch)
 
 
 class OverlapFoundation(CoupledFoundation):
@@ -171,6 +252,11 @@ def particles_alone(p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WO
     return (ParticleFoundation if comm.size == 1 else SharedParticleFoundation)(p, stopwatch, comm)
 
 
+def bridged(p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> BridgedFoundation:
+    """Particles and continuum; on several ranks the particles are spread where the variant can do so."""
+    return (SharedBridgedFoundation if comm.size > 1 and p.variant == "subcycling" else BridgedFoundation)(p, stopwatch, comm)
+
+
 MODELS: dict[str, Callable[..., Any]] = {
-    "dem": particles_alone, "bridging": BridgedFoundation, "overlap": OverlapFoundation, "fem": ContinuumFoundation,
+    "dem": particles_alone, "bridging": bridged, "overlap": OverlapFoundation, "fem": ContinuumFoundation,
 }  # fmt: skip

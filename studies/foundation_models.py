@@ -1,6 +1,7 @@
 """The foundation's models behind one face: time steps, samples, energies and snapshots; here particles and continuum alone.
 
-Rank 0 holds all particles; the continuum is spread over the ranks. Every method is collective.
+Here rank 0 holds all particles (`studies.foundation_shared` spreads them); the continuum is spread over the ranks. Every method is
+collective.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import numbers
+import os
 import re
 from collections.abc import Callable
 from typing import Any, get_args, get_type_hints
@@ -141,6 +142,25 @@ def size_in_metres(name: str, text: str) -> tuple[float, float]:
     if not (math.isfinite(width) and math.isfinite(depth) and width > 0 and depth > 0):
         raise ValueError(f"{name}={brief(text)} must have positive width and depth (m)")
     return width, depth
+
+
+def check_cores() -> None:
+    """Refuse more threads than there are cores, on several ranks; by default a rank has one thread.
+
+    Raises:
+        ValueError: the ranks on this machine, each with its threads, want more cores than it has.
+    """
+    from mpi4py import MPI
+
+    threads = max(int(os.environ.get(name) or 1) for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS"))
+    if MPI.COMM_WORLD.size == 1 or threads == 1:
+        return
+    ranks, cores = MPI.COMM_WORLD.Split_type(MPI.COMM_TYPE_SHARED).size, os.cpu_count() or 1
+    if ranks * threads > cores:
+        raise ValueError(
+            f"threads={threads} (OMP_NUM_THREADS or NUMBA_NUM_THREADS) on each of {ranks} ranks make {ranks * threads}, above "
+            f"the {cores} cores here: take one thread a rank, or fewer ranks"
+        )
 
 
 def one_rank(study: str) -> None:
