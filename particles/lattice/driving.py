@@ -39,10 +39,11 @@ def rows_of(where: Where, reference: np.ndarray) -> np.ndarray:
 
 
 class Driving:
-    """Loads, prescribed velocities and dashpots of rows, gathered for the compiled loops."""
+    """Loads, prescribed velocities and dashpots of points (n, axes), gathered for the compiled loops."""
 
-    def __init__(self, lattice: Lattice) -> None:
-        self._lattice = lattice
+    def __init__(self, reference: np.ndarray) -> None:
+        self._reference = reference
+        self._drive: Any = None
         self._loads: list[tuple[np.ndarray, np.ndarray]] = []
         self._load_histories: list[History] = []
         self._held: list[tuple[np.ndarray, int]] = []
@@ -51,13 +52,13 @@ class Driving:
 
     def load(self, where: Where, force: Any, history: History = 1.0) -> None:
         """Put a force (3,) or (rows, 3), N, times a history on each row."""
-        rows = rows_of(where, self._lattice.reference)
+        rows = rows_of(where, self._reference)
         self._loads.append((rows, np.broadcast_to(_three(force), (len(rows), 3))))
         self._load_histories.append(history)
 
     def hold(self, where: Where, directions: str, velocity: History = 0.0) -> None:
         """Move components ("x", "yz", ...) of rows with a velocity (m/s); a later call wins."""
-        rows = rows_of(where, self._lattice.reference)
+        rows = rows_of(where, self._reference)
         if not directions or set(directions) - set("xyz"):
             raise ValueError(f'directions="{directions}" must name some of "xyz"')
         for axis in map("xyz".index, directions):
@@ -67,21 +68,39 @@ class Driving:
 
     def absorb(self, where: Where, coefficients: Any) -> None:
         """Dashpots (3,) or (rows, 3) in N s/m on rows."""
-        rows = rows_of(where, self._lattice.reference)
+        rows = rows_of(where, self._reference)
         self._dashpots.append((rows, np.broadcast_to(_three(coefficients), (len(rows), 3))))
+
+    def arrange(self, free: np.ndarray) -> None:
+        """Gather what acts on rows that are free (n,) bool; the histories are sampled for each run of steps."""
+        loads, held, dashpots = (
+            [(rows[free[rows]], values[free[rows]] if kind else values) for rows, values in parts]
+            for parts, kind in ((self._loads, True), (self._held, False), (self._dashpots, True))
+        )  # fmt: skip
+        absorbing, coefficients = _joined(dashpots)
+        for rows, axis in held:
+            coefficients[np.isin(absorbing, rows), axis] = 0.0
+        none = np.empty((0, 0))
+        self._drive = Drive(
+            *_joined(loads), _groups([rows for rows, _ in loads]), none,
+            _rows([rows for rows, _ in held]), np.repeat([axis for _, axis in held], [len(rows) for rows, _ in held]).astype(np.int32),
+            _groups([rows for rows, _ in held]), none, absorbing, coefficients,
+        )  # fmt: skip
 
     def drive(self, time: float, step: float, steps: int) -> Drive:
         """Histories at the evaluations after `time`: one a step, the first a step later."""
         at = time + step * np.arange(1, steps + 1)
-        held = self._held
-        absorbing, dashpots = _joined(self._dashpots)
-        for rows, axis in held:
-            dashpots[np.isin(absorbing, rows), axis] = 0.0
-        return Drive(
-            *_joined(self._loads), _groups([rows for rows, _ in self._loads]), _sampled(self._load_histories, at),
-            _rows([rows for rows, _ in held]), np.repeat([axis for _, axis in held], [len(rows) for rows, _ in held]).astype(np.int32),
-            _groups([rows for rows, _ in held]), _sampled(self._held_histories, at + 0.5 * step), absorbing, dashpots,
-        )  # fmt: skip
+        return self._drive._replace(
+            load_factor=_sampled(self._load_histories, at), held_velocity=_sampled(self._held_histories, at + 0.5 * step)
+        )
+
+    def loads(self) -> list[tuple[np.ndarray, np.ndarray, History]]:
+        """Rows, forces (rows, 3) and history of each load."""
+        return [(rows, force, history) for (rows, force), history in zip(self._loads, self._load_histories)]
+
+    def dashpots(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows and coefficients (rows, 3) of the dashpots."""
+        return self._dashpots
 
 
 def _three(vector: Any) -> np.ndarray:

@@ -177,9 +177,9 @@ def set_cluster(state, terms, i):
 
 
 @njit(**OUTER)
-def set_clusters(state, terms):
-    """Clusters of all special rows."""
-    for i in range(len(state.material)):
+def set_clusters(state, terms, rows):
+    """Clusters of those of some rows that are special."""
+    for i in rows:
         if state.strain_kind[i] == SPECIAL:
             set_cluster(state, terms, i)
 

@@ -79,6 +79,8 @@ class Lattice:
         self.order, axes = geometry.order(found)
         self.reference, self.places = sites[self.order], found[self.order]
         self._terms = self._constants(plane, local_damping)
+        volume = self.spacing**3 if self.axes == 3 else 0.5 * math.sqrt(3.0) * self.spacing**2
+        self._masses = np.array([one.density * volume for one in self.materials])
         near = geometry.neighbours(self.places, axes, geometry.directions(self.axes), self.periodic)
         self._state = self._make_state(near, self._layers(layer), force == "variational")
         self.time = 0.0
@@ -86,7 +88,7 @@ class Lattice:
         self.step = SAFETY * self.critical_step / math.sqrt(1.0 + local_damping) if step is None else float(step)
         if not (math.isfinite(self.step) and 0 < self.step):
             raise ValueError(f"step={step} must be positive (s)")
-        self.driving = Driving(self)
+        self.driving = Driving(self.reference)
         self.refresh(np.ones(self.count, dtype=bool), np.zeros(self.count, dtype=bool))
         self._ready = False
         self._base = 0.0
@@ -95,11 +97,9 @@ class Lattice:
 
     def _constants(self, plane: str, damping: float) -> Terms:
         springs = np.array([one.springs(self.spacing, self.axes, plane) for one in self.materials])
-        volume = self.spacing**3 if self.axes == 3 else 0.5 * math.sqrt(3.0) * self.spacing**2
         limits = np.array([(m.normal_limit, m.normal_limit if m.shear_limit is None else m.shear_limit) for m in self.materials])
         return Terms(
             self.spacing, geometry.vectors(self.axes, self.spacing), springs[:, 0].copy(), springs[:, 1].copy(),
-            np.array([one.density * volume for one in self.materials]),
             np.minimum(limits, 1e100) if np.isfinite(limits).any() else None, None if self.axes == 3 else 1,
             damping if damping > 0 else None,
         )  # fmt: skip
@@ -115,7 +115,7 @@ class Lattice:
     def _make_state(self, near: np.ndarray, material: np.ndarray, variational: bool) -> State:
         n = len(near)
         return State(
-            displacement=np.zeros((3, n)), velocity=np.zeros((3, n)), force=np.zeros((3, n)), strain=np.zeros((6, n)),
+            displacement=np.zeros((3, n)), velocity=np.zeros((3, n)), force=np.zeros((3, n)), lightness=1.0 / self._masses[material], strain=np.zeros((6, n)),
             moment=np.zeros((6, n)) if variational else None, near=near, bonds=np.zeros(near.shape, dtype=np.uint8),
             follows=geometry.follows(near), material=material, strain_kind=np.zeros(n, dtype=np.uint8),
             force_kind=np.zeros(n, dtype=np.uint8), moving=np.zeros(n, dtype=np.uint8), cluster=np.zeros((n, 9)),
@@ -126,7 +126,7 @@ class Lattice:
 
     def _critical_step(self) -> float:
         """2 / omega_max of the infinite lattice: omega_max^2 = 12 k_n / m (18 neighbours) or 6 k_n / m (hexagonal)."""
-        normal, mass = self._terms.normal, self._terms.mass
+        normal, mass = self._terms.normal, self._masses
         square = 12.0 * normal.max() if self.axes == 3 else 6.0 * normal.max()
         return 2.0 / math.sqrt(square / mass.min())
 
@@ -137,7 +137,7 @@ class Lattice:
         """Number of particles."""
         return len(self.reference)
 
-    def refresh(self, free: np.ndarray, carried: np.ndarray) -> None:
+    def refresh(self, free: np.ndarray, carried: np.ndarray, rows: np.ndarray | None = None) -> None:
         """Set which rows move by their forces and which are carried along by something else; all others sleep.
 
         A bond has a force of its own where one end at least is free and the other free or carried; carried rows keep all of
@@ -146,37 +146,35 @@ class Lattice:
         Args:
             free: (n,) bool.
             carried: (n,) bool, none of them free.
+            rows: those whose bonds may differ from before, all by default.
         """
         state = self._state
-        there = state.near >= 0
-        known = free | carried
-        rows = np.flatnonzero(known)
+        rows = np.arange(self.count) if rows is None else rows
         near = state.near[rows]
-        other_free, other_known = there[rows] & free[near], there[rows] & known[near]
-        explicit = (free[rows, None] & other_known) | (carried[rows, None] & other_free)
+        there, own_free, own_carried = near >= 0, free[rows, None], carried[rows, None]
+        other_free, other_known = there & free[near], there & (free | carried)[near]
+        explicit = (own_free & other_known) | (own_carried & other_free)
+        acting = explicit.any(axis=1) | free[rows]
         broken = state.bonds[rows] & BROKEN
-        flags = np.where(there[rows] & (broken == 0), JOINED, 0) | np.where(explicit, EXPLICIT, 0) | broken
-        state.bonds[:] = 0
-        state.bonds[rows] = flags
-        everyone_special = state.moment is not None
-        acting = np.zeros(self.count, dtype=bool)
-        acting[rows] = explicit.any(axis=1) | free[rows]
+        flags = np.where(there & (broken == 0), JOINED, 0) | np.where(explicit, EXPLICIT, 0) | broken
+        state.bonds[rows] = np.where(acting[:, None], flags, 0)
         for kind, flag in ((state.strain_kind, JOINED), (state.force_kind, JOINED | EXPLICIT)):
-            found = lists.kinds(acting, state.near, state.bonds, state.material, flag)
-            kind[:] = np.where(acting, SPECIAL, 0) if everyone_special else found
-        state.moving[:] = free
-        _set_clusters(state, self._terms)
+            found = lists.kinds(rows, state.near, state.bonds, state.material, flag)
+            kind[rows] = np.where(acting, found if state.moment is None else SPECIAL, 0)
+        state.moving[rows] = free[rows]
+        _set_clusters(state, self._terms, rows)
         _list_rows(state)
-        self.free, self.carried = free, carried & acting
+        self.free, self.carried = free, carried
+        self._ready = False
 
     @property
     def needed(self) -> np.ndarray:
-        """Rows (n,) bool whose displacement some force depends on, without being free: carried rows and their neighbours."""
+        """Rows (n,) bool whose displacement forces depend on, without being free: carried rows with bonds, and their neighbours."""
         state = self._state
-        found = np.zeros(self.count, dtype=bool)
-        near = state.near[self.carried]
+        found = (state.force_kind > 0) & ~self.free
+        near = state.near[found]
         found[near[near >= 0]] = True
-        return (found | self.carried) & ~self.free
+        return found & ~self.free
 
     @property
     def displacement(self) -> np.ndarray:
@@ -201,7 +199,7 @@ class Lattice:
     @property
     def mass(self) -> np.ndarray:
         """(n,) in kg."""
-        return self._terms.mass[self._state.material]
+        return self._masses[self._state.material]
 
     @property
     def layer(self) -> np.ndarray:
@@ -304,6 +302,7 @@ class Lattice:
         """Forces for the state of now, where something has changed since the last step; energies count from there."""
         if self._ready:
             return
+        self.driving.arrange(self.free)
         before = None if self.time == 0.0 else self._imbalance()
         drive = self.driving.drive(self.time - self.step, self.step, 1)
         _evaluate(self._state, self._terms, drive, 0, self.step, 0.0)

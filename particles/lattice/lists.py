@@ -23,12 +23,14 @@ LONGEST = 512  # rows of a run, so that what one loop reads is still near for th
 
 @njit(**INNER)
 def _runs(kind, wanted, follows, material, runs):
-    """Write runs of rows of a kind and one material; returns their number."""
+    """Write runs of rows of a kind; where `follows` is given, of one material with neighbours in runs, too. Returns their number."""
     found = 0
     for i in range(len(kind)):
         if kind[i] != wanted:
             continue
-        on = i > 0 and kind[i - 1] == wanted and material[i - 1] == material[i] and (follows is None or follows[i])
+        on = i > 0 and kind[i - 1] == wanted
+        if on and follows is not None:
+            on = follows[i] == 1 and material[i] == material[i - 1]
         if on and runs[found - 1, 1] < LONGEST:
             runs[found - 1, 1] += 1
         else:
@@ -55,16 +57,13 @@ def list_rows(state):
     state.counts[STRAIN_SPECIAL] = _special(state.strain_kind, state.strain_special)
     state.counts[FORCE_RUNS] = _runs(state.force_kind, REGULAR, state.follows, state.material, state.force_runs)
     state.counts[FORCE_SPECIAL] = _special(state.force_kind, state.force_special)
-    state.counts[MOVING_RUNS] = _runs(state.moving, 1, None, state.material, state.moving_runs)
+    state.counts[MOVING_RUNS] = _runs(state.moving, 1, None, None, state.moving_runs)
 
 
-def kinds(needed: np.ndarray, near: np.ndarray, bonds: np.ndarray, material: np.ndarray, flags: int) -> np.ndarray:
-    """Kinds (n,) uint8 of rows: NONE where not needed; REGULAR with all neighbours and all bonds intact and of these flags
-    (with EXPLICIT: one material all around); else SPECIAL."""
-    found = np.zeros(len(near), dtype=np.uint8)
-    rows = np.flatnonzero(needed)
+def kinds(rows: np.ndarray, near: np.ndarray, bonds: np.ndarray, material: np.ndarray, flags: int) -> np.ndarray:
+    """Kinds (rows,) uint8: REGULAR with all neighbours and all bonds intact and of these flags (with EXPLICIT: one material all
+    around); else SPECIAL."""
     whole = np.all((bonds[rows] & (flags | BROKEN)) == flags, axis=1)
     if flags & EXPLICIT:
         whole &= np.all((near[rows] >= 0) & (material[near[rows]] == material[rows, None]), axis=1)
-    found[rows] = np.where(whole, REGULAR, SPECIAL)
-    return found
+    return np.where(whole, REGULAR, SPECIAL).astype(np.uint8)

@@ -88,72 +88,72 @@ def variational_forces(state, terms, moment):
 
 
 @njit(**KERNEL)
-def act(state, terms, damping, drive, s, h, booked):
-    """Loads, dashpots, damping and held components of the evaluation after step s; their work where `booked` is 1, not 0."""
-    v, f, sums = state.velocity, state.force, state.sums
+def act(points, damping, drive, s, h, booked):
+    """Loads, dashpots, damping and held components of the evaluation after step s; their work where `booked` is 1, not 0.
+
+    `points` are the particles of a lattice, or anything else with displacement, velocity, force, lightness and moving runs.
+    """
+    v, f, sums = points.velocity, points.force, points.sums
     for q in range(len(drive.loaded)):
         i, factor = drive.loaded[q], drive.load_factor[s, drive.load_group[q]]
         for a in range(3):
             f[a, i] += factor * drive.load[q, a]
     for q in range(len(drive.absorbing)):
         i = drive.absorbing[q]
-        lightness = 0.5 * h / terms.mass[state.material[i]]
+        by = 0.5 * h * points.lightness[i]
         for a in range(3):
             c = drive.dashpot[q, a]
-            f[a, i] -= c * (v[a, i] + lightness * f[a, i]) / (1.0 + lightness * c)
+            f[a, i] -= c * (v[a, i] + by * f[a, i]) / (1.0 + by * c)
     if damping is not None:
-        sums[DAMPING] += booked * damp(state, terms, damping, h)
+        sums[DAMPING] += booked * damp(points, damping, h)
     for q in range(len(drive.held)):
         i, a = drive.held[q], drive.held_axis[q]
-        mass = terms.mass[state.material[i]]
         wanted = drive.held_velocity[s, drive.held_group[q]]
-        needed = mass * (wanted - v[a, i]) / h
+        needed = (wanted - v[a, i]) / (h * points.lightness[i])
         sums[HELD] += booked * 0.5 * h * (v[a, i] + wanted) * (needed - f[a, i])
         f[a, i] = needed
     for q in range(len(drive.loaded)):
         i, factor = drive.loaded[q], drive.load_factor[s, drive.load_group[q]]
-        by = 0.5 * h / terms.mass[state.material[i]]
+        by = 0.5 * h * points.lightness[i]
         for a in range(3):
             sums[EXTERNAL] += booked * h * factor * drive.load[q, a] * (v[a, i] + by * f[a, i])
     for q in range(len(drive.absorbing)):
         i = drive.absorbing[q]
-        by = 0.5 * h / terms.mass[state.material[i]]
+        by = 0.5 * h * points.lightness[i]
         for a in range(3):
             sums[ABSORBED] += booked * h * drive.dashpot[q, a] * (v[a, i] + by * f[a, i]) ** 2
 
 
 @njit(**KERNEL)
-def damp(state, terms, alpha, h):
+def damp(points, alpha, h):
     """Local damping of each component,  F - alpha |F| sgn(v)  (Zhao et al. 2012, eq 26); returns the energy that it takes (J)."""
     lost = 0.0
     for a in range(3):
-        v, f = state.velocity[a], state.force[a]
-        for q in range(state.counts[MOVING_RUNS]):
-            first = state.moving_runs[q, 0]
-            by = 0.5 * h / terms.mass[state.material[first]]
-            for i in range(first, first + state.moving_runs[q, 1]):
+        v, f, lightness = points.velocity[a], points.force[a], points.lightness
+        for q in range(points.counts[MOVING_RUNS]):
+            first = points.moving_runs[q, 0]
+            for i in range(first, first + points.moving_runs[q, 1]):
                 against = alpha * abs(f[i]) * ((v[i] > 0.0) - (v[i] < 0.0))
                 f[i] -= against
-                lost += against * (v[i] + by * f[i])
+                lost += against * (v[i] + 0.5 * h * lightness[i] * f[i])
     return h * lost
 
 
 @njit(**KERNEL)
-def kick(state, terms, by, drift):
+def kick(points, by, drift):
     """Velocities on by the forces for a time `by`, then displacements by the velocities for a time `drift`."""
     for a in range(3):
-        u, v, f = state.displacement[a], state.velocity[a], state.force[a]
-        for q in range(state.counts[MOVING_RUNS]):
-            first = state.moving_runs[q, 0]
-            lightness = by / terms.mass[state.material[first]]
-            for i in range(first, first + state.moving_runs[q, 1]):
-                v[i] += lightness * f[i]
+        u, v, f, lightness = points.displacement[a], points.velocity[a], points.force[a], points.lightness
+        for q in range(points.counts[MOVING_RUNS]):
+            first = points.moving_runs[q, 0]
+            for i in range(first, first + points.moving_runs[q, 1]):
+                v[i] += by * lightness[i] * f[i]
                 u[i] += drift * v[i]
 
 
 @njit(**OUTER)
-def evaluate(state, terms, drive, s, h, booked):
-    """Forces at the displacements of now, once more where bonds fail under them.
+def forces(state, terms, h, booked):
+    """Forces of the bonds at the displacements of now, once more where bonds fail under them.
 
     What a bond releases between evaluations is E - h/2 v.F with it, less the same without it.
     """
@@ -163,18 +163,24 @@ def evaluate(state, terms, drive, s, h, booked):
         before = state.force.copy()
         bond_forces(state, terms, state.moment, terms.plane)
         state.sums[BREAKING] += booked * 0.5 * h * (state.velocity * (before - state.force)).sum()
-    act(state, terms, terms.damping, drive, s, h, booked)
+
+
+@njit(**OUTER)
+def evaluate(state, terms, drive, s, h, booked):
+    """All forces at the displacements of now."""
+    forces(state, terms, h, booked)
+    act(state, terms.damping, drive, s, h, booked)
 
 
 @njit(**OUTER)
 def advance(state, terms, drive, steps, h):
     """Whole steps, from and to a state with displacements, velocities and forces of one time."""
-    kick(state, terms, 0.5 * h, h)
+    kick(state, 0.5 * h, h)
     for s in range(steps):
         evaluate(state, terms, drive, s, h, 1.0)
         if s < steps - 1:
-            kick(state, terms, h, h)
-    kick(state, terms, 0.5 * h, 0.0)
+            kick(state, h, h)
+    kick(state, 0.5 * h, 0.0)
 
 
 @njit(**STEPS)

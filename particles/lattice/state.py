@@ -21,6 +21,7 @@ class State(NamedTuple):
     displacement: Any  # (3, n), m
     velocity: Any  # (3, n), m/s; of the middle of the step while it runs
     force: Any  # (3, n) total of the last evaluation, N
+    lightness: Any  # (n,) 1 / mass, 1/kg
     strain: Any  # (6, n) xx, yy, zz, yz, xz, xy
     moment: Any  # None (pairwise) or (6, n): shear energy's derivative by the strain, J
     near: Any  # (n, directions) int32, -1 where there is no neighbour
@@ -47,7 +48,6 @@ class Terms(NamedTuple):
     vectors: Any  # (directions, 3) reference bond vectors, m
     normal: Any  # (materials,) N/m
     shear: Any  # (materials,) N/m
-    mass: Any  # (materials,) kg
     limits: Any  # None or (materials, 2): normal and shear deformation at which bonds break, m
     plane: Any  # None (18 neighbours) or 1 (hexagonal)
     damping: Any  # None or alpha, against each component of velocity
