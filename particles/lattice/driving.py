@@ -73,10 +73,10 @@ class Driving:
 
     def arrange(self, free: np.ndarray) -> None:
         """Gather what acts on rows that are free (n,) bool; the histories are sampled for each run of steps."""
-        loads, held, dashpots = (
-            [(rows[free[rows]], values[free[rows]] if kind else values) for rows, values in parts]
-            for parts, kind in ((self._loads, True), (self._held, False), (self._dashpots, True))
-        )  # fmt: skip
+        loads, dashpots = (
+            [(rows[free[rows]], values[free[rows]]) for rows, values in parts] for parts in (self._loads, self._dashpots)
+        )
+        held = [(rows[free[rows]], axis) for rows, axis in self._held]
         absorbing, coefficients = _joined(dashpots)
         for rows, axis in held:
             coefficients[np.isin(absorbing, rows), axis] = 0.0

@@ -72,7 +72,7 @@ def test_patch_test_across_all_layers(continuum):
         body.set_motion(lambda x: x @ gradient.T)
         body.prepare()
         x, force = body.node_reference, body._nodes.force.T
-        inner = np.all((x > n + 1) & (x < (3 * n + 1, 3 * n + 1, 5 * n + 1)), axis=1) & body.alive
+        inner = np.all((x > n + 1) & (x < (3 * n + 1, 3 * n + 1, 4 * n + 1)), axis=1) & body.alive
         assert inner.sum() > 8 and np.abs(force[inner]).max() < most * np.abs(force).max()
         x, force = body.lattice.reference, body.lattice._state.force.T
         inner = np.all((x > 2) & (x < 5 * n - 2), axis=1) & body.lattice.free
