@@ -20,6 +20,8 @@ STUDIES = {
     "brazilian": ("studies.rock_command:brazilian", "Brazilian test of bonded rock over several random packings"),
     "cutting": ("studies.cutting_command", "rock cutting by a pick: particles, and particles with a continuum"),
     "calibrate": ("studies.calibrate_command", "micro parameters of bonded rock from its moduli and strengths"),
+    "tension": ("studies.lattice.command:tension_command", "a bar in tension: lattice particles, manifold elements, continuum"),
+    "wave": ("studies.lattice.command:wave_command", "a pulse along a bar of lattice particles, manifold elements, continuum"),
     "accuracy": ("studies.accuracy", "speed against error of a study over a list of settings"),
 }
 USAGE_ERROR = 2

@@ -21,6 +21,7 @@ from particles.dispatch import Direct
 from particles.lattice import Lattice
 from particles.lattice.driving import Driving, History, Where, rows_of
 from particles.lattice.geometry import directions, vectors
+from particles.lattice.lattice import ahead
 from particles.lattice.state import ABSORBED, BREAKING, BROKEN_BONDS, DAMPING, EXTERNAL, HELD, MOVING_RUNS, SUMS
 
 CONTINUUM, MANIFOLD, PARTICLES = 0, 1, 2  # values of `Manifold.kind`
@@ -263,15 +264,15 @@ class Manifold:
                 particle[:] = np.where(self.lattice.free, np.asarray(values(self.lattice.reference)).T, 0.0)
         self._ready = False
 
-    def particle_motion(self) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements and velocities (n, 3) of all particles, those in elements by u = N u_e."""
+    def particle_motion(self, rows: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities (n, 3) of particles, all by default; of those in elements by u = N u_e."""
         found = []
+        shape, nodes = self._shape[self.grid.slot[rows]], self.grid.nodes[self.grid.element[rows]]
         for nodal, own in (
             (self._nodes.displacement, self.lattice._state.displacement), (self._nodes.velocity, self.lattice._state.velocity),
         ):  # fmt: skip
-            shape = self._shape[self.grid.slot]
-            inner = sum(shape[:, c, None] * nodal.T[self.grid.nodes[self.grid.element, c]] for c in range(8))
-            found.append(np.where(self.lattice.free[:, None], own.T, inner))
+            inner = np.einsum("nc,nca->na", shape, nodal.T[nodes])
+            found.append(np.where(self.lattice.free[rows, None], own.T[rows], inner))
         return found[0], found[1]
 
     def momentum(self) -> np.ndarray:
@@ -343,7 +344,7 @@ class Manifold:
         if len(elements) == 0:
             return
         self.prepare()
-        before, imbalance = self._stored(), self._imbalance()
+        before = self._account()
         lattice, state = self.lattice, self.lattice._state
         sites = self.grid.sites_of(elements)
         nodes, shape = self.grid.nodes[self.grid.element[sites]], self._shape[self.grid.slot[sites]]
@@ -359,10 +360,11 @@ class Manifold:
         self.release_log.append((self.time, self.released))
         self._ready = False
         self._settle()
-        after = self._stored()
-        self._lost["release_kinetic"] += before[0] - after[0]
-        self._lost["release_strain"] += before[1] - after[1]
-        self._base += self._imbalance() - imbalance
+        after = self._account()
+        lost = before[0] - after[0], before[1] - after[1]
+        self._lost["release_kinetic"] += lost[0]
+        self._lost["release_strain"] += lost[1]
+        self._base += after[2] + sum(lost) - before[2]
 
     def prepare(self) -> None:
         """Forces for the state of now, where something has changed since the last step; energies count from the first time."""
@@ -371,7 +373,7 @@ class Manifold:
         started = self.time > 0.0
         self._settle()
         if not started:
-            self._base = self._imbalance()
+            self._base = self._account()[2]
 
     def _settle(self) -> None:
         lattice, h = self.lattice, self.step
@@ -384,35 +386,26 @@ class Manifold:
 
     # energies
 
-    def _stored(self) -> tuple[float, float]:
-        """Kinetic and elastic energy (J)."""
-        kept = self.lattice._state.force.copy(), self._nodes.force.copy()
-        elastic = sum(_elastic(self.lattice._state, self.lattice._terms, self._nodes, self._elements))
-        self.lattice._state.force[:], self._nodes.force[:] = kept
-        kinetic = 0.5 * float((self._nodes.velocity**2).sum(axis=0) @ self.node_mass)
-        return kinetic + self.lattice.kinetic_energy(), elastic
-
-    def _imbalance(self) -> float:
-        """As that of `Lattice`, of particles and nodes together."""
-        state, nodes, h = self.lattice._state, self._nodes, self.step
+    def _account(self) -> tuple[float, float, float]:
+        """Kinetic and elastic energy, and the account as that of `Lattice`, of particles and nodes together (J)."""
+        state, nodes = self.lattice._state, self._nodes
         kept = state.force.copy(), nodes.force.copy()
-        middle = sum(_elastic(state, self.lattice._terms, nodes, self._elements))
-        for points, total, moving in ((state, kept[0], self.lattice.free), (nodes, kept[1], self.alive)):
-            ahead = (points.velocity + 0.5 * h * total * points.lightness) * moving
-            mass = np.where(points.lightness > 0.0, 1.0 / np.where(points.lightness > 0.0, points.lightness, 1.0), 0.0)
-            middle += 0.5 * float((ahead**2).sum(axis=0) @ mass) - 0.5 * h * float((ahead * points.force).sum())
+        elastic = float(sum(_elastic(state, self.lattice._terms, nodes, self._elements)))
+        middle = elastic + ahead(state, kept[0], self.step) + ahead(nodes, kept[1], self.step)
         state.force[:], nodes.force[:] = kept
+        kinetic = 0.5 * float((nodes.velocity**2).sum(axis=0) @ self.node_mass) + self.lattice.kinetic_energy()
         sums = state.sums + nodes.sums
-        return middle + sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] - sums[EXTERNAL] - sums[HELD] + sum(self._lost.values())
+        lost = sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] + sum(self._lost.values())
+        return kinetic, elastic, middle + lost - sums[EXTERNAL] - sums[HELD]
 
     def energies(self) -> dict[str, float]:
         """Energy terms in J; `balance` is the error of the account, without what the integrator's own energy jumps by in a release."""
         self.prepare()
-        kinetic, elastic = self._stored()
+        kinetic, elastic, account = self._account()
         sums = self.lattice._state.sums + self._nodes.sums
         return {
             "kinetic": kinetic, "elastic": elastic, "breaking": float(sums[BREAKING]), "local_damping": float(sums[DAMPING]),
             "absorbed": float(sums[ABSORBED]), "external_work": float(sums[EXTERNAL]), "held_work": float(sums[HELD]),
-            "broken_bonds": float(sums[BROKEN_BONDS]), **self._lost, "balance": self._imbalance() - self._base,
+            "broken_bonds": float(sums[BROKEN_BONDS]), **self._lost, "balance": account - self._base,
         }  # fmt: skip
 

@@ -31,6 +31,7 @@ from particles.motion import Unstable
 
 _advance, _evaluate = Direct(motion.advance), Direct(motion.evaluate)
 _elastic, _fastest = Direct(motion.elastic), Direct(motion.fastest)
+ahead = Direct(motion.ahead)
 _list_rows, _set_clusters = Direct(lists.list_rows), Direct(general.set_clusters)
 CHUNK = 50  # steps between two looks for blow-up
 SAFETY = 0.8  # of the critical step, which local damping makes shorter: forces against the motion are 1 + alpha times larger
@@ -303,40 +304,36 @@ class Lattice:
         if self._ready:
             return
         self.driving.arrange(self.free)
-        before = None if self.time == 0.0 else self._imbalance()
+        before = None if self.time == 0.0 else self._account()[1]
         drive = self.driving.drive(self.time - self.step, self.step, 1)
         _evaluate(self._state, self._terms, drive, 0, self.step, 0.0)
         self._ready = True
-        self._base = self._imbalance() - (0.0 if before is None else before - self._base)
+        self._base = self._account()[1] - (0.0 if before is None else before - self._base)
 
     # energies
 
     def kinetic_energy(self) -> float:
         """1/2 m v^2 in J."""
-        return float(0.5 * (self.mass * (self._state.velocity**2).sum(axis=0)) @ self.free)
+        return float(0.5 * np.einsum("an,an,n->", self._state.velocity, self._state.velocity, self.mass * self.free))
 
-    def _imbalance(self) -> float:
-        """Energy in the middle of the coming step, and what has been lost, less what was put in (J)."""
-        state, h = self._state, self.step
+    def _account(self) -> tuple[float, float]:
+        """Elastic energy, and the energy in the middle of the coming step with what has been lost, less what was put in (J)."""
+        state = self._state
         kept = state.force.copy()
-        elastic = _elastic(state, self._terms)
-        of_bonds = state.force.copy()
+        elastic = float(_elastic(state, self._terms))
+        middle = elastic + ahead(state, kept, self.step)
         state.force[:] = kept
-        ahead = (state.velocity + 0.5 * h * kept / self.mass) * self.free
         sums = state.sums
-        middle = 0.5 * float((self.mass * (ahead**2).sum(axis=0)).sum()) + elastic - 0.5 * h * float((ahead * of_bonds).sum())
-        return middle + sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] - sums[EXTERNAL] - sums[HELD]
+        return elastic, middle + sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] - sums[EXTERNAL] - sums[HELD]
 
     def energies(self) -> dict[str, float]:
         """Energy terms in J; `balance` is the error of the account (see `particles.lattice.motion`)."""
         self.prepare()
         state = self._state
-        kept = state.force.copy()
-        elastic = _elastic(state, self._terms)
-        state.force[:] = kept
+        elastic, account = self._account()
         return {
-            "kinetic": self.kinetic_energy(), "elastic": float(elastic), "breaking": float(state.sums[BREAKING]),
+            "kinetic": self.kinetic_energy(), "elastic": elastic, "breaking": float(state.sums[BREAKING]),
             "local_damping": float(state.sums[DAMPING]), "absorbed": float(state.sums[ABSORBED]),
             "external_work": float(state.sums[EXTERNAL]), "held_work": float(state.sums[HELD]),
-            "broken_bonds": float(state.sums[BROKEN_BONDS]), "balance": self._imbalance() - self._base,
+            "broken_bonds": float(state.sums[BROKEN_BONDS]), "balance": account - self._base,
         }  # fmt: skip

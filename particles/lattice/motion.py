@@ -191,6 +191,19 @@ def elastic(state, terms):
     return elastic_energy(state, terms)
 
 
+@njit(**STEPS)
+def ahead(points, total, h):
+    """1/2 m v^2 - h/2 v.F (J) with the velocities that the forces `total` give in the middle of the coming step; F is `force`."""
+    energy = 0.0
+    for a in range(3):
+        for q in range(points.counts[MOVING_RUNS]):
+            first = points.moving_runs[q, 0]
+            for i in range(first, first + points.moving_runs[q, 1]):
+                v = points.velocity[a, i] + 0.5 * h * total[a, i] * points.lightness[i]
+                energy += 0.5 * v * v / points.lightness[i] - 0.5 * h * v * points.force[a, i]
+    return energy
+
+
 @njit(**STEADY_STEPS)
 def fastest(state):
     """Largest velocity component (m/s); infinite where any is not finite."""
