@@ -22,6 +22,8 @@ STUDIES = {
     "calibrate": ("studies.calibrate_command", "micro parameters of bonded rock from its moduli and strengths"),
     "tension": ("studies.lattice.command:tension_command", "a bar in tension: lattice particles, manifold elements, continuum"),
     "wave": ("studies.lattice.command:wave_command", "a pulse along a bar of lattice particles, manifold elements, continuum"),
+    "plate": ("studies.lattice.command:plate_command", "a plate with a hole in tension: particles round the hole, or elements"),
+    "notch": ("studies.lattice.command:notch_command", "a notched specimen torn apart: elements released as the crack comes"),
     "accuracy": ("studies.accuracy", "speed against error of a study over a list of settings"),
 }
 USAGE_ERROR = 2

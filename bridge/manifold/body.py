@@ -57,8 +57,11 @@ class Manifold:
         per_element: sites along the edge of an element, one number or one an axis (1 along an axis that repeats after one layer).
         free: where elements are left to particles from the start: a region, or a function of points, of element centres;
             None for nowhere.
+        manifold: where elements are manifold elements from the start, beside the layers: a region or a function of element centres.
         layers: of manifold elements between particles and continuum, which stay when elements are released. 0 couples
             particles and continuum directly, for comparison: bonds across the face then count beside the element's own stiffness.
+        cut: what becomes of elements that the outline of the body cuts: "particles", or "manifold", which holds together what lies
+            on both sides of a slit narrower than an element.
         continuum: False for manifold elements in place of all continuum elements.
         release: criterion (strains (k, 6) at the centres of manifold elements -> bools (k,)) for the release of elements, such as
             `ultimate_strain`; None for none.
@@ -67,13 +70,15 @@ class Manifold:
     """
 
     def __init__(
-        self, lattice: Lattice, per_element: int | tuple[int, int, int], free: Where | None = None, layers: int = 1,
-        continuum: bool = True, release: Criterion | None = None, check_every: int = 5, step: float | None = None,
+        self, lattice: Lattice, per_element: int | tuple[int, int, int], free: Where | None = None, manifold: Where | None = None,
+        layers: int = 1, cut: str = "particles", continuum: bool = True, release: Criterion | None = None, check_every: int = 5, step: float | None = None,
     ) -> None:  # fmt: skip
         if lattice.axes != 3:
             raise ValueError("lattice must be cubic: one repeating layer of it is plane strain")
         if lattice.time > 0.0:
             raise ValueError(f"lattice.time={lattice.time:g} must be 0: elements are laid over a lattice before it moves")
+        if cut not in ("particles", "manifold"):
+            raise ValueError(f'cut="{cut}" must be "particles" or "manifold"')
         count = np.broadcast_to(np.asarray(per_element, dtype=np.int64), 3).copy()
         if np.any(count < 1):
             raise ValueError(f"per_element={per_element} must be at least 1")
@@ -90,7 +95,7 @@ class Manifold:
         slots = np.stack(np.meshgrid(*(np.arange(m) for m in count), indexing="ij"), axis=-1).reshape(-1, 3)
         self._shape = bricks.shape_functions((slots + 0.5) / count)
         self._at_centre = bricks.strain_matrix(np.full((1, 3), 0.5), self.size)[0]
-        self.kind = self._first_kinds(free, continuum)
+        self.kind = self._first_kinds(free, manifold, cut, continuum)
         self._kinds: dict[bytes, int] = {}
         self._matrices: list[np.ndarray] = []
         self._stiffest = 0.0
@@ -103,6 +108,7 @@ class Manifold:
             np.zeros(5, dtype=np.int64), np.zeros(SUMS),
         )  # fmt: skip
         self.time, self.released, self.release_log = 0.0, 0, [(0.0, 0)]
+        self.first_released = np.empty(0, dtype=np.int64)  # elements of the first release
         self._lost = {"release_kinetic": 0.0, "release_strain": 0.0}
         self.node_mass = np.zeros(n)
         whole = np.flatnonzero(self.kind != PARTICLES)
@@ -118,22 +124,27 @@ class Manifold:
 
     # construction
 
-    def _first_kinds(self, free: Where | None, continuum: bool) -> np.ndarray:
+    def _first_kinds(self, free: Where | None, manifold: Where | None, cut: str, continuum: bool) -> np.ndarray:
         kind = np.full(self.grid.count, CONTINUUM if continuum else MANIFOLD, dtype=np.uint8)
-        kind[~self._plain()] = MANIFOLD
+        full, plain = self._plain()
+        kind[~plain] = MANIFOLD
+        if manifold is not None:
+            kind[rows_of(manifold, self.centres)] = MANIFOLD
         if free is not None:
             kind[rows_of(free, self.centres)] = PARTICLES
-            self._surround(kind, np.flatnonzero(kind == PARTICLES))
+        if cut == "particles":
+            kind[~full] = PARTICLES
+        self._surround(kind, np.flatnonzero(kind == PARTICLES))
         return kind
 
-    def _plain(self) -> np.ndarray:
-        """Elements (n,) bool that are full and of one material, as continuum elements must be."""
+    def _plain(self) -> tuple[np.ndarray, np.ndarray]:
+        """Elements (n,) bool that are full, and those that are full and of one material, as continuum elements must be."""
         element, layer = self.grid.element, self.lattice.layer
         full = self.grid.filling() == np.prod(self.grid.per_element)
         low, high = np.full(self.grid.count, 255), np.zeros(self.grid.count, dtype=np.int64)
         np.minimum.at(low, element, layer)
         np.maximum.at(high, element, layer)
-        return full & (low == high)
+        return full, full & (low == high)
 
     def _surround(self, kind: np.ndarray, elements: np.ndarray) -> np.ndarray:
         """Make the continuum elements near some elements manifold elements; returns those that have changed."""
@@ -286,6 +297,21 @@ class Manifold:
         _strains_at(self._nodes, self._elements, np.asarray(elements, dtype=np.int32), self._at_centre, found)
         return found
 
+    def internal_force(self, where: Where) -> np.ndarray:
+        """Sum (3,) of the forces of bonds and elements on the nodes and free particles `where`, N; some of each must be named."""
+        state, nodes = self.lattice._state, self._nodes
+        kept = state.force.copy(), nodes.force.copy()
+        _elastic(state, self.lattice._terms, nodes, self._elements)
+        total = np.zeros(3)
+        for points, force, there in (
+            (self.node_reference, nodes.force, self.alive), (self.lattice.reference, state.force, self.lattice.free),
+        ):  # fmt: skip
+            chosen = np.zeros(len(points), dtype=bool)
+            chosen[rows_of(where, points)] = True
+            total += force[:, chosen & there].sum(axis=1)
+        state.force[:], nodes.force[:] = kept
+        return total
+
     def hold(self, where: Where, directions: str, velocity: History = 0.0) -> None:
         """Move components of the nodes and of the particles `where` with a velocity (m/s); a later call wins.
 
@@ -356,6 +382,7 @@ class Manifold:
         free = self._free_rows()
         lattice.refresh(free, ~free, self.grid.sites_of(self.grid.around(elements)))
         self._arrange(changed)
+        self.first_released = self.first_released if self.released else elements
         self.released += len(elements)
         self.release_log.append((self.time, self.released))
         self._ready = False

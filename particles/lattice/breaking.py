@@ -91,7 +91,7 @@ def _near_failure(state, terms, limits, first, count):
 
 @njit(**OUTER)
 def break_bonds(state, terms, limits):
-    """Break all bonds that fail now; whether there were any."""
+    """Break all bonds that fail now, each asked at the end that it leaves in an even direction; whether there were any."""
     broken = False
     if limits is None:
         return broken
@@ -106,7 +106,7 @@ def break_bonds(state, terms, limits):
                     broken = True
     for q in range(state.counts[FORCE_SPECIAL]):
         i = state.force_special[q]
-        for k in range(state.near.shape[1]):
+        for k in range(0, state.near.shape[1], 2):
             if fails(state, terms, limits, i, k):
                 sever(state, terms, i, k)
                 broken = True

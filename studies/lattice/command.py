@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from studies.foundation_command import unstable
-from studies.lattice import tension, wave
+from studies.lattice import notch, plate, tension, wave
 from studies.options import (
     brief,
     click_options,
@@ -73,3 +73,5 @@ def report(summary: dict[str, Any]) -> str:
 
 tension_command = make("tension", tension)
 wave_command = make("wave", wave)
+plate_command = make("plate", plate)
+notch_command = make("notch", notch)
