@@ -24,6 +24,8 @@ STUDIES = {
     "wave": ("studies.lattice.command:wave_command", "a pulse along a bar of lattice particles, manifold elements, continuum"),
     "plate": ("studies.lattice.command:plate_command", "a plate with a hole in tension: particles round the hole, or elements"),
     "notch": ("studies.lattice.command:notch_command", "a notched specimen torn apart: elements released as the crack comes"),
+    "cavern": ("studies.lattice.command:cavern_command", "a blast in a cavern: particles near the walls, absorbing faces"),
+    "tunnel": ("studies.lattice.command:tunnel_command", "a tunnel behind a weak layer under a blast: damage"),
     "accuracy": ("studies.accuracy", "speed against error of a study over a list of settings"),
 }
 USAGE_ERROR = 2

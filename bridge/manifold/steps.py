@@ -146,10 +146,10 @@ def largest_principal(strain, result):
         mean = (xx + yy + zz) / 3.0
         xx, yy, zz = xx - mean, yy - mean, zz - mean
         half = (xx * xx + yy * yy + zz * zz) / 6.0 + (yz * yz + xz * xz + xy * xy) / 3.0
-        if half == 0.0:
+        radius = math.sqrt(half)
+        if not half * radius > 0.0:  # no deviator, or one that is too small for its cube
             result[q] = mean
             continue
-        radius = math.sqrt(half)
         det = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
         cosine = min(1.0, max(-1.0, 0.5 * det / (half * radius)))
         result[q] = mean + 2.0 * radius * math.cos(math.acos(cosine) / 3.0)

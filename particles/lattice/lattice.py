@@ -261,6 +261,17 @@ class Lattice:
         """Add a traction (axes,) in Pa on the face that the outermost particles `where` form, across an axis."""
         self.load(where, np.asarray(traction, dtype=float) * face_area(self), history)
 
+    def pressure(self, where: Where, pressure: float, history: History = 1.0) -> None:
+        """Push (Pa) on all faces of the particles `where` that look into the open, along the axes; cubic lattice."""
+        if self.axes != 3:
+            raise ValueError("pressure needs the cubic lattice, whose particles have faces across the axes")
+        rows = self.rows(where)
+        for way in range(6):
+            open_rows = rows[self._state.near[rows, way] < 0]
+            if len(open_rows):
+                outward = self._terms.vectors[way] / self.spacing
+                self.load(open_rows, -pressure * self.spacing**2 * outward, history)
+
     def absorb(self, where: Where, normal: str) -> None:
         """Let waves leave through the face of the particles `where`, whose normal is the axis "x", "y" or "z"."""
         if normal not in tuple("xyz"[: self.axes]):

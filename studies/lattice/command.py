@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from studies.foundation_command import unstable
-from studies.lattice import notch, plate, tension, wave
+from studies.lattice import cavern, notch, plate, tension, tunnel, wave
 from studies.options import (
     brief,
     click_options,
@@ -75,3 +75,5 @@ tension_command = make("tension", tension)
 wave_command = make("wave", wave)
 plate_command = make("plate", plate)
 notch_command = make("notch", notch)
+cavern_command = make("cavern", cavern)
+tunnel_command = make("tunnel", tunnel)

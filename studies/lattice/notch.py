@@ -115,16 +115,9 @@ def carry_out(p: Parameters, recorder: Any, figures: bool) -> None:
         body = recorder.build(lambda n=name: make(p, n))
         ramp = 4.0 * p.height / body.lattice.materials[0].wave_speed
         steps = math.ceil((p.elongation / p.speed + 0.5 * ramp) / body.step)
-        peak = [0.0]
-
-        def torn(row: dict[str, float], peak: list[float] = peak) -> bool:
-            peak[0] = max(peak[0], row["load_N"])
-            return row["broken_bonds_1"] > 0 and row["load_N"] < LEAST_DROP * peak[0]
-
-        seen: list[Any] = []
-        outcome = recorder.run(body, steps, until=torn, frames=24, on_frame=lambda b=body, s=seen: s.append(stage(b)))
-        seen.append(stage(body))
-        stages[name] = seen
+        watched = _Watch(lambda b=body: stage(b))
+        outcome = recorder.run(body, steps, until=watched)
+        stages[name] = watched.stages
         load = outcome.column("load_N")
         top = int(np.argmax(load))
         recorder.result(f"failure_load_{name}", load[top], "N")
@@ -143,6 +136,22 @@ def carry_out(p: Parameters, recorder: Any, figures: bool) -> None:
         recorder.result("time_share", recorder.seconds["release"] / recorder.seconds["particles"], "1")
     if figures:
         draw(p, recorder.outcomes, stages, recorder.folder)
+
+
+class _Watch:
+    """Keeps a stage whenever elements have been released or bonds have broken, and ends the run when the load has dropped."""
+
+    def __init__(self, look: Any) -> None:
+        self._look, self._peak, self._grown = look, 0.0, -1.0
+        self.stages: list[Any] = []
+
+    def __call__(self, row: dict[str, float]) -> bool:
+        self._peak = max(self._peak, row["load_N"])
+        grown = row["broken_bonds_1"] + row["released_1"]
+        if grown > self._grown:
+            self._grown = grown
+            self.stages.append(self._look())
+        return row["broken_bonds_1"] > 0 and row["load_N"] < LEAST_DROP * self._peak
 
 
 def first_release_distance(p: Parameters, body: Any) -> float:

@@ -45,11 +45,9 @@ def draw(p: Any, outcomes: Any, stages: dict[str, list[Stage]], folder: Path) ->
 
 
 def pick(seen: list[Stage], wanted: int = 6) -> list[Stage]:
-    """Stages spread over the growth of release and crack."""
-    sizes = [float(0 if one.kind is None else np.sum(one.kind == PARTICLES)) + len(one.cracks) for one in seen]
-    changing = [one for k, one in enumerate(seen) if k == 0 or sizes[k] > sizes[k - 1] or k == len(seen) - 1]
-    index = np.unique(np.linspace(0, len(changing) - 1, min(wanted, len(changing))).astype(int))
-    return [changing[k] for k in index]
+    """Stages evenly spread over the growth of release and crack."""
+    index = np.unique(np.linspace(0, len(seen) - 1, min(wanted, len(seen))).astype(int))
+    return [seen[k] for k in index]
 
 
 def curves(outcomes: Any, path: Path) -> None:
@@ -72,7 +70,7 @@ def growth(p: Any, seen: list[Stage], path: Path) -> None:
     """Elements by kind and broken bonds at several times (as figures 18 and 19)."""
     drawn, axes = drawing.figure(1, len(seen), (1.9, 3.8))
     for ax, one in zip(axes[0], seen):
-        if one.kind is not None:
+        if one.kind is not None and one.corners is not None:
             ax.add_collection(PolyCollection(list(1e3 * one.corners), facecolors=[COLOURS[k] for k in one.kind], edgecolors="0.7", lw=0.2))
         ax.scatter(*(1e3 * one.cracks[:, :2].T), c=one.cracks[:, 2], s=1.5, cmap=matplotlib.colormaps["autumn_r"], vmin=0, vmax=9)
         ax.set(xlim=(0, 1e3 * p.width), ylim=(0, 1e3 * p.height), aspect="equal", title=f"{1e6 * one.time:.0f} µs", xlabel="x (mm)")
