@@ -28,7 +28,7 @@ def fails(state, terms, limits, i, k):
         return False
     j = state.near[i, k]
     a, b = state.material[i], state.material[j]
-    stretch, _, _, _ = elongation_of(state, terms, i, j, k)
+    stretch, _, _, _ = elongation_of(state, terms, state.rotation, i, j, k)
     if stretch > min(limits[a, 0], limits[b, 0]):
         return True
     sx, sy, sz = shear_of(state, terms, i, j, k)
@@ -43,8 +43,8 @@ def sever(state, terms, i, k):
     before -= _shared(state, terms, i, j)
     _cut(state, terms, i, k)
     _cut(state, terms, j, k ^ 1)
-    strain_special(state, terms, i)
-    strain_special(state, terms, j)
+    strain_special(state, terms, state.rotation, i)
+    strain_special(state, terms, state.rotation, j)
     after = _around(state, terms, i) + _around(state, terms, j) - _shared(state, terms, i, j)
     state.sums[BREAKING] += before - after
     state.sums[BROKEN_BONDS] += 1.0

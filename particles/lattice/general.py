@@ -10,11 +10,13 @@ from numba import njit
 from particles.lattice.state import BROKEN, EXPLICIT, JOINED, SPECIAL
 from particles.system import KERNEL, OUTER
 
+TURNS = 40  # at most, of the iteration for the polar decomposition
+LEAST = 1e-3  # determinant of a gradient: a neighbourhood that is pressed flat has no rotation
 CUT = 1e-8  # of the largest moment of a cluster: smaller ones have no direction
 
 
 @njit(**KERNEL)
-def strain_of(state, terms, i):
+def gradient_of(state, terms, i):
     """Displacement gradient (xx, xy, ..., zz by rows) by least squares:  H = sum (u_k - u_i) (A (X_k - mean X))."""
     u, c = state.displacement, state.cluster
     ux, uy, uz = u[0, i], u[1, i], u[2, i]
@@ -40,10 +42,49 @@ def strain_of(state, terms, i):
 
 
 @njit(**KERNEL)
-def strain_special(state, terms, i):
-    """Strain of one row."""
-    hxx, hxy, hxz, hyx, hyy, hyz, hzx, hzy, hzz = strain_of(state, terms, i)
+def rotation_of(g):
+    """Orthogonal part (by rows) of a gradient (by rows) with positive determinant, by R <- (R + R^-T) / 2 (Higham 1986)."""
+    a, b, c, d, e, f, p, q, r = g
+    for _ in range(TURNS):
+        u, v, w = e * r - f * q, f * p - d * r, d * q - e * p  # cofactors
+        x, y, z = c * q - b * r, a * r - c * p, b * p - a * q
+        h, m, n = b * f - c * e, c * d - a * f, a * e - b * d
+        det = a * u + b * v + c * w
+        if not det > LEAST:
+            return 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
+        scale = 0.5 / det
+        change = abs(a - 2.0 * scale * u) + abs(e - 2.0 * scale * y) + abs(r - 2.0 * scale * n)
+        change += abs(b - 2.0 * scale * v) + abs(f - 2.0 * scale * z) + abs(p - 2.0 * scale * h)
+        a, b, c = 0.5 * a + scale * u, 0.5 * b + scale * v, 0.5 * c + scale * w
+        d, e, f = 0.5 * d + scale * x, 0.5 * e + scale * y, 0.5 * f + scale * z
+        p, q, r = 0.5 * p + scale * h, 0.5 * q + scale * m, 0.5 * r + scale * n
+        if change < 1e-14:
+            break
+    return a, b, c, d, e, f, p, q, r
+
+
+@njit(**KERNEL)
+def turned_back(t, g):
+    """R^T F by rows."""
+    return (
+        t[0] * g[0] + t[3] * g[3] + t[6] * g[6], t[0] * g[1] + t[3] * g[4] + t[6] * g[7], t[0] * g[2] + t[3] * g[5] + t[6] * g[8],
+        t[1] * g[0] + t[4] * g[3] + t[7] * g[6], t[1] * g[1] + t[4] * g[4] + t[7] * g[7], t[1] * g[2] + t[4] * g[5] + t[7] * g[8],
+        t[2] * g[0] + t[5] * g[3] + t[8] * g[6], t[2] * g[1] + t[5] * g[4] + t[8] * g[7], t[2] * g[2] + t[5] * g[5] + t[8] * g[8],
+    )  # fmt: skip
+
+
+@njit(**KERNEL)
+def strain_special(state, terms, rotation, i):
+    """Strain of one row: the symmetric part of the gradient H, or U - I of the polar decomposition I + H = R U."""
+    hxx, hxy, hxz, hyx, hyy, hyz, hzx, hzy, hzz = gradient_of(state, terms, i)
     e = state.strain
+    if rotation is not None:
+        gradient = 1.0 + hxx, hxy, hxz, hyx, 1.0 + hyy, hyz, hzx, hzy, 1.0 + hzz
+        turned = rotation_of(gradient)
+        for c in range(9):
+            rotation[c, i] = turned[c]
+        hxx, hxy, hxz, hyx, hyy, hyz, hzx, hzy, hzz = turned_back(turned, gradient)
+        hxx, hyy, hzz = hxx - 1.0, hyy - 1.0, hzz - 1.0
     e[0, i], e[1, i], e[2, i] = hxx, hyy, hzz
     e[3, i], e[4, i], e[5, i] = 0.5 * (hyz + hzy), 0.5 * (hxz + hzx), 0.5 * (hxy + hyx)
 
@@ -62,9 +103,14 @@ def shear_of(state, terms, i, j, k):
 
 
 @njit(**KERNEL)
-def elongation_of(state, terms, i, j, k):
-    """Elongation n.(u_j - u_i) of a bond (m), and n."""
+def elongation_of(state, terms, rotation, i, j, k):
+    """Elongation of a bond (m), n.(u_j - u_i) or with large rotations that of its length, and its direction."""
     u, d = state.displacement, terms.vectors
+    if rotation is not None:
+        x, y, z = d[k, 0] + u[0, j] - u[0, i], d[k, 1] + u[1, j] - u[1, i], d[k, 2] + u[2, j] - u[2, i]
+        length = math.sqrt(x * x + y * y + z * z)
+        rest = math.sqrt(d[k, 0] * d[k, 0] + d[k, 1] * d[k, 1] + d[k, 2] * d[k, 2])
+        return length - rest, x / length, y / length, z / length
     scale = 1.0 / math.sqrt(d[k, 0] * d[k, 0] + d[k, 1] * d[k, 1] + d[k, 2] * d[k, 2])
     nx, ny, nz = scale * d[k, 0], scale * d[k, 1], scale * d[k, 2]
     return nx * (u[0, j] - u[0, i]) + ny * (u[1, j] - u[1, i]) + nz * (u[2, j] - u[2, i]), nx, ny, nz
@@ -77,14 +123,25 @@ def stiffness_of(table, state, i, j):
 
 
 @njit(**KERNEL)
-def force_special(state, terms, moment, i):
+def turned_by(rotation, i, j, x, y, z):
+    """A vector turned by the mean of the rotations of both ends."""
+    t = rotation
+    return (
+        0.5 * ((t[0, i] + t[0, j]) * x + (t[1, i] + t[1, j]) * y + (t[2, i] + t[2, j]) * z),
+        0.5 * ((t[3, i] + t[3, j]) * x + (t[4, i] + t[4, j]) * y + (t[5, i] + t[5, j]) * z),
+        0.5 * ((t[6, i] + t[6, j]) * x + (t[7, i] + t[7, j]) * y + (t[8, i] + t[8, j]) * z),
+    )
+
+
+@njit(**KERNEL)
+def force_special(state, terms, moment, rotation, i):
     """Force (N) on one row by its own bonds: F = k_n u_n n + k_s u_s; broken bonds push only."""
     fx = fy = fz = 0.0
     for k in range(state.near.shape[1]):
         flags = state.bonds[i, k]
         if flags & EXPLICIT:
             j = state.near[i, k]
-            stretch, nx, ny, nz = elongation_of(state, terms, i, j, k)
+            stretch, nx, ny, nz = elongation_of(state, terms, state.rotation, i, j, k)
             if flags & BROKEN:
                 stretch = min(stretch, 0.0)
             normal = stiffness_of(terms.normal, state, i, j) * stretch
@@ -93,6 +150,8 @@ def force_special(state, terms, moment, i):
             fz += normal * nz
             if moment is None and not flags & BROKEN:
                 sx, sy, sz = shear_of(state, terms, i, j, k)
+                if rotation is not None:
+                    sx, sy, sz = turned_by(rotation, i, j, sx, sy, sz)
                 shear = stiffness_of(terms.shear, state, i, j)
                 fx += shear * sx
                 fy += shear * sy
@@ -191,7 +250,7 @@ def bond_energy(state, terms, i, k):
     if not flags & EXPLICIT:
         return 0.0
     j = state.near[i, k]
-    stretch, _, _, _ = elongation_of(state, terms, i, j, k)
+    stretch, _, _, _ = elongation_of(state, terms, state.rotation, i, j, k)
     if flags & BROKEN:
         stretch = min(stretch, 0.0)
     energy = 0.5 * stiffness_of(terms.normal, state, i, j) * stretch * stretch

@@ -51,6 +51,7 @@ class Lattice:
         force: "pairwise" (as published: the shear of a bond acts on its two ends) or "variational" (the gradient of the energy,
             spread over the clusters: no net torque, symmetric stiffness; four times slower).
         plane: "strain" or "stress", in the plane.
+        corotational: strains and forces turn with the body, for rotations that are not small (pairwise force; four times slower).
         periodic: axes along which the sites repeat, such as "z": one layer with u_z held is plane strain.
         local_damping: alpha of the damping against each velocity component: 0.8 to find equilibria, 0 for waves.
         step: s; by default 0.8 of the critical step, divided by sqrt(1 + alpha).
@@ -59,7 +60,7 @@ class Lattice:
     def __init__(
         self, sites: Any, spacing: float, material: LatticeMaterial | Sequence[LatticeMaterial],
         layer: Callable[[np.ndarray], Any] | None = None, force: str = "pairwise", plane: str = "strain", periodic: str = "",
-        local_damping: float = 0.0, step: float | None = None,
+        local_damping: float = 0.0, step: float | None = None, corotational: bool = False,
     ) -> None:  # fmt: skip
         sites = np.asarray(sites, dtype=float)
         if sites.ndim != 2 or sites.shape[1] not in (2, 3) or len(sites) == 0 or not np.all(np.isfinite(sites)):
@@ -69,6 +70,8 @@ class Lattice:
         for name, value, allowed in (("force", force, ("pairwise", "variational")), ("plane", plane, ("strain", "stress"))):
             if value not in allowed:
                 raise ValueError(f'{name}="{value}" must be "{allowed[0]}" or "{allowed[1]}"')
+        if corotational and force != "pairwise":
+            raise ValueError(f'corotational={corotational} needs force="pairwise", not "{force}"')
         if not 0 <= local_damping < 1:
             raise ValueError(f"local_damping={local_damping} must lie in [0, 1)")
         if set(periodic) - set("xyz"[: sites.shape[1]]):
@@ -83,7 +86,7 @@ class Lattice:
         volume = self.spacing**3 if self.axes == 3 else 0.5 * math.sqrt(3.0) * self.spacing**2
         self._masses = np.array([one.density * volume for one in self.materials])
         near = geometry.neighbours(self.places, axes, geometry.directions(self.axes), self.periodic)
-        self._state = self._make_state(near, self._layers(layer), force == "variational")
+        self._state = self._make_state(near, self._layers(layer), force == "variational", corotational)
         self.time = 0.0
         self.critical_step = self._critical_step()
         self.step = SAFETY * self.critical_step / math.sqrt(1.0 + local_damping) if step is None else float(step)
@@ -113,11 +116,12 @@ class Lattice:
             raise ValueError(f"layer gives {number.min()} to {number.max()}; it must give numbers from 0 to {len(self.materials) - 1}")
         return number.astype(np.uint8)
 
-    def _make_state(self, near: np.ndarray, material: np.ndarray, variational: bool) -> State:
+    def _make_state(self, near: np.ndarray, material: np.ndarray, variational: bool, corotational: bool) -> State:
         n = len(near)
         return State(
             displacement=np.zeros((3, n)), velocity=np.zeros((3, n)), force=np.zeros((3, n)), lightness=1.0 / self._masses[material], strain=np.zeros((6, n)),
-            moment=np.zeros((6, n)) if variational else None, near=near, bonds=np.zeros(near.shape, dtype=np.uint8),
+            moment=np.zeros((6, n)) if variational else None,
+            rotation=np.repeat(np.eye(3).reshape(9, 1), n, axis=1) if corotational else None, near=near, bonds=np.zeros(near.shape, dtype=np.uint8),
             follows=geometry.follows(near), material=material, strain_kind=np.zeros(n, dtype=np.uint8),
             force_kind=np.zeros(n, dtype=np.uint8), moving=np.zeros(n, dtype=np.uint8), cluster=np.zeros((n, 9)),
             strain_runs=np.zeros((n, 2), dtype=np.int32), strain_special=np.zeros(n, dtype=np.int32),
@@ -161,7 +165,7 @@ class Lattice:
         state.bonds[rows] = np.where(acting[:, None], flags, 0)
         for kind, flag in ((state.strain_kind, JOINED), (state.force_kind, JOINED | EXPLICIT)):
             found = lists.kinds(rows, state.near, state.bonds, state.material, flag)
-            kind[rows] = np.where(acting, found if state.moment is None else SPECIAL, 0)
+            kind[rows] = np.where(acting, found if state.moment is None and state.rotation is None else SPECIAL, 0)
         state.moving[rows] = free[rows]
         _set_clusters(state, self._terms, rows)
         _list_rows(state)

@@ -44,7 +44,7 @@ def strains(state, terms, plane):
         else:
             strain_hexagonal(first, count, state.near[first], terms.spacing, u[0], u[1], e[0], e[1], e[5])
     for q in range(state.counts[STRAIN_SPECIAL]):
-        strain_special(state, terms, state.strain_special[q])
+        strain_special(state, terms, state.rotation, state.strain_special[q])
 
 
 @njit(**KERNEL)
@@ -70,7 +70,7 @@ def bond_forces(state, terms, moment, plane):
     for q in range(state.counts[FORCE_SPECIAL]):
         i = state.force_special[q]
         f[0, i] = f[1, i] = f[2, i] = 0.0
-        force_special(state, terms, moment, i)
+        force_special(state, terms, moment, state.rotation, i)
 
 
 @njit(**KERNEL)
@@ -81,7 +81,7 @@ def variational_forces(state, terms, moment):
         f[0, i] = f[1, i] = f[2, i] = 0.0
     for q in range(state.counts[FORCE_SPECIAL]):
         i = state.force_special[q]
-        force_special(state, terms, moment, i)
+        force_special(state, terms, moment, state.rotation, i)
         moment_of(state, terms, moment, i)
     for q in range(state.counts[FORCE_SPECIAL]):
         spread_moment(state, terms, moment, state.force_special[q])

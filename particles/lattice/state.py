@@ -24,6 +24,7 @@ class State(NamedTuple):
     lightness: Any  # (n,) 1 / mass, 1/kg
     strain: Any  # (6, n) xx, yy, zz, yz, xz, xy
     moment: Any  # None (pairwise) or (6, n): shear energy's derivative by the strain, J
+    rotation: Any  # None (small rotations) or (9, n): rotation of the neighbourhood, by rows
     near: Any  # (n, directions) int32, -1 where there is no neighbour
     bonds: Any  # (n, directions) uint8
     follows: Any  # (n,) uint8: neighbours are the rows after those of the row before

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from studies.foundation_command import unstable
-from studies.lattice import cavern, notch, plate, tension, tunnel, wave
+from studies.lattice import cantilever, cavern, notch, plate, tension, tunnel, wave
 from studies.options import (
     brief,
     click_options,
@@ -73,6 +73,7 @@ def report(summary: dict[str, Any]) -> str:
 
 tension_command = make("tension", tension)
 wave_command = make("wave", wave)
+cantilever_command = make("cantilever", cantilever)
 plate_command = make("plate", plate)
 notch_command = make("notch", notch)
 cavern_command = make("cavern", cavern)

@@ -160,6 +160,26 @@ def test_a_free_block_has_six_zero_modes_and_no_negative_ones(poisson_ratio):
     assert np.sum(np.abs(values) < 1e-10 * values[-1]) == 6 and values[0] > -1e-10 * values[-1]
 
 
+@pytest.mark.parametrize("make", [block, sheet])
+def test_the_corotational_form_is_objective(make):
+    """A turn by a radian is free of force (the small form has the strain cos 1 - 1), and the force of a strained body turns with it."""
+    lattice = make(corotational=True)
+    c, s = math.cos(1.0), math.sin(1.0)
+    turn = np.array([(c, -s), (s, c)]) if lattice.axes == 2 else np.array([(c, -s, 0), (0.6 * s, 0.6 * c, -0.8), (0.8 * s, 0.8 * c, 0.6)])
+    x = lattice.reference
+    scale = lattice._terms.normal[0]
+    lattice.displacement = x @ turn.T - x
+    assert np.abs(lattice.internal_force()).max() < 1e-12 * scale
+    strained = x + 0.05 * np.sin(x[:, ::-1])
+    lattice.displacement = strained - x
+    force = lattice.internal_force()
+    lattice.displacement = strained @ turn.T - x
+    assert np.abs(lattice.internal_force() - force @ turn.T).max() < 1e-11 * np.abs(force).max()
+    small = make()
+    small.displacement = lattice.displacement = 1e-7 * np.sin(x)
+    assert np.abs(small.internal_force() - lattice.internal_force()).max() < 1e-5 * np.abs(small.internal_force()).max()
+
+
 def test_only_the_variational_force_has_no_torque():
     """Both have no resultant; the published one has a torque at free surfaces."""
     motion = np.random.default_rng(4).standard_normal((5 * 6 * 7, 3))
@@ -308,6 +328,7 @@ def test_waves_blow_up_with_a_sentence():
         (lambda: Lattice([(0, 0, 0), (0, 0, 0)], 1.0, ROCK), "each site must be given once"),
         (lambda: block(force="other"), "pairwise"),
         (lambda: block(local_damping=1), "local_damping=1"),
+        (lambda: block(force="variational", corotational=True), "corotational=True"),
         (lambda: block(periodic="w"), "periodic"),
         (lambda: block().hold("x" == "y", "x"), "must give one bool"),
         (lambda: block().hold(lambda x: x[:, 0] > 99, "x"), "names no particle"),
