@@ -1,35 +1,26 @@
-"""Trilinear elements of a regular mesh (Hex8): shape functions, gradients and stiffness, tabulated by basix.
+"""Trilinear elements of a regular mesh (Hex8): strain matrix and stiffness of one brick for all.
 
-Nodes are numbered as basix does: x fastest, then y, then z.
+Nodes are numbered as dolfinx does: x fastest, then y, then z.
 """
 
 from __future__ import annotations
 
-import basix
 import numpy as np
 
-from . import _compat
+from . import _compat, cells
 
 DEGREE = 3  # of the quadrature: 2 x 2 x 2 points
-_ELEMENT = basix.create_element(
-    basix.ElementFamily.P, basix.CellType.hexahedron, 1, basix.LagrangeVariant.gll_warped
-)  # fmt: skip
+NODES = 8
 
 
 def shape_functions(points: np.ndarray) -> np.ndarray:
     """Values (k, 8) at points (k, 3) of the unit cube."""
-    return np.asarray(_ELEMENT.tabulate(0, np.ascontiguousarray(points, dtype=float)))[0, :, :, 0]
-
-
-def shape_gradients(points: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Derivatives (k, 8, 3) in 1/m at points (k, 3) of the unit cube, for a brick of a size (3,) in m."""
-    table = np.asarray(_ELEMENT.tabulate(1, np.ascontiguousarray(points, dtype=float)))[1:, :, :, 0]
-    return np.moveaxis(table, 0, -1) / np.asarray(size)
+    return cells.shape_functions(points, NODES)
 
 
 def strain_matrix(points: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Tensor strain (k, 6, 24) xx, yy, zz, yz, xz, xy by nodal displacements, node by node with three components."""
-    by = shape_gradients(points, size)
+    by = cells.shape_gradients(points, NODES) / np.asarray(size)
     found = np.zeros((len(by), 6, 8, 3))
     for row in range(3):
         found[:, row, :, row] = by[:, :, row]
