@@ -38,6 +38,7 @@ class Parameters:
     rise: float = parameter(0.5e-3, "Rise of the pressure.", "s", POSITIVE)
     total: float = parameter(2.5e-3, "End of the pressure.", "s", POSITIVE)
     ultimate_strain: float = parameter(2e-5, "Deformation over length of an axial bond at which bonds break.", "-", POSITIVE)
+    shear_factor: float = parameter(1.0, "Limit of their shear deformation over that of their elongation.", "-", POSITIVE)
     reduction: float = parameter(0.8, "Share of it at which elements are released.", "-", SHARE)
     duration: float = parameter(15e-3, "Time that is followed.", "s", POSITIVE)
     models: str = parameter("both", "With release, particles alone, or both.", choices=("both", *MODELS))
@@ -65,7 +66,10 @@ def make(p: Parameters, name: str, ratio: float) -> Any:
 
     d, middle = p.spacing, 0.5 * p.size
     rock, weak = (
-        LatticeMaterial(share * p.young_modulus, p.poisson_ratio, p.density, normal_limit=p.ultimate_strain * d) for share in (1.0, ratio)
+        LatticeMaterial(
+            share * p.young_modulus, p.poisson_ratio, p.density, p.ultimate_strain * d, p.shear_factor * p.ultimate_strain * d
+        )
+        for share in (1.0, ratio)
     )  # fmt: skip
     body = slab(
         Box((0, 0), (p.size, p.size)) - Disc((middle, middle), p.radius), d, [rock, weak],

@@ -83,6 +83,11 @@ def test_a_soft_layer_shields_the_tunnel(tmp_path):
     assert value(summary, "broken_bonds_particles_0.01") < 0.7 * value(summary, "broken_bonds_particles_1")
 
 
+def test_release_finds_the_damage_of_particles_alone_where_bonds_break_by_tension(tmp_path):
+    summary = results("tunnel", tmp_path, "--spacing", "0.5", "--ratios", "1", "--shear-factor", "1000", "--duration", "1e-2")
+    assert abs(value(summary, "difference_of_broken_bonds_1")) < 0.1
+
+
 @pytest.mark.parametrize(
     "study, options, words",
     [
