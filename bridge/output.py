@@ -125,12 +125,12 @@ class HistoryFile:
         self._file = path.open("w", newline="", encoding="utf-8")
         self._writer: csv.DictWriter | None = None
 
-    def write(self, row: Mapping[str, float]) -> None:
-        """Append a row; the first one names the columns."""
+    def write(self, row: Mapping[str, float | str]) -> None:
+        """Append a row of numbers and words; the first one names the columns."""
         if self._writer is None:
             self._writer = csv.DictWriter(self._file, fieldnames=list(row))
             self._writer.writeheader()
-        self._writer.writerow({name: format(value, ".9g") for name, value in row.items()})
+        self._writer.writerow({name: value if isinstance(value, str) else format(value, ".9g") for name, value in row.items()})
         self._file.flush()
 
     def close(self) -> None:
@@ -164,8 +164,8 @@ class Series:
 
         Args:
             time: s.
-            points: (n, 2), m.
-            cells: meshio's name of the cell type ("vertex", "line", "triangle", "quad") and node numbers (cells, nodes).
+            points: (n, 2) or (n, 3), m.
+            cells: meshio's name of the cell type ("vertex", "line", "triangle", "quad", "hexahedron") and node numbers (cells, nodes).
             point_data: arrays (n,) or (n, 2); the latter become vectors.
             cell_data: arrays (cells,).
         """

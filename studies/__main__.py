@@ -21,6 +21,13 @@ STUDIES = {
     "brazilian": ("studies.rock_command:brazilian", "Brazilian test of bonded rock over several random packings"),
     "cutting": ("studies.cutting_command", "rock cutting by a pick: particles, and particles with a continuum"),
     "calibrate": ("studies.calibrate_command", "micro parameters of bonded rock from its moduli and strengths"),
+    "tension": ("studies.lattice.command:tension_command", "a bar in tension: lattice particles, manifold elements, continuum"),
+    "wave": ("studies.lattice.command:wave_command", "a pulse along a bar of lattice particles, manifold elements, continuum"),
+    "cantilever": ("studies.lattice.command:cantilever_command", "a cantilever of particles and elements against Hex8"),
+    "plate": ("studies.lattice.command:plate_command", "a plate with a hole in tension: particles round the hole, or elements"),
+    "notch": ("studies.lattice.command:notch_command", "a notched specimen torn apart: elements released as the crack comes"),
+    "cavern": ("studies.lattice.command:cavern_command", "a blast in a cavern: particles near the walls, absorbing faces"),
+    "tunnel": ("studies.lattice.command:tunnel_command", "a tunnel behind a weak layer under a blast: damage"),
     "accuracy": ("studies.accuracy", "speed against error of a study over a list of settings"),
 }
 USAGE_ERROR = 2

@@ -50,3 +50,10 @@ def test_the_scripts_on_the_overlap_keep_their_energy(capsys):
     assert abs(balance_in_space) < 1e-6 * 4 * 0.5 * 1e8 * (1e-7) ** 2
     assert 1.5e-7 < step < 3.4e-7  # at most that of the lattice alone, 2 / sqrt(4 k / m)
     assert 1e-7 < step_in_space < 3.3e-7
+
+
+def test_the_script_on_release_tears_a_bar(capsys):
+    (script,) = scripts("docs/release.md")
+    exec(compile(script, "docs/release.md", "exec"), {"__name__": "guide"})
+    released, broken, balance = map(float, capsys.readouterr().out.split())
+    assert released > 0 and broken > 0 and abs(balance) < 0.05

@@ -1,0 +1,438 @@
+"""One body of free lattice particles, particle-based manifold elements and continuum elements (Zhao et al. 2012, section 3).
+
+The body is the lattice that its particles would form. A regular mesh groups the sites in elements. Some elements are left to
+free particles; round them lie layers of manifold elements, whose stiffness comes from their lattice bonds; all others are
+ordinary Hex8 of the material. Elements can be released: their particles become free while the run goes on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from bridge.manifold import steps
+from bridge.manifold.grid import Grid
+from bridge.manifold.template import Template
+from continuum import bricks
+from particles.dispatch import Direct
+from particles.lattice import Lattice
+from particles.lattice.driving import Driving, History, Where, rows_of
+from particles.lattice.geometry import directions, vectors
+from particles.lattice.lattice import ahead
+from particles.lattice.state import ABSORBED, BREAKING, BROKEN_BONDS, DAMPING, EXTERNAL, HELD, MOVING_RUNS, SUMS
+
+CONTINUUM, MANIFOLD, PARTICLES = 0, 1, 2  # values of `Manifold.kind`
+SAFETY = 0.8
+CHUNK = 50  # steps between two looks for blow-up
+Criterion = Callable[[np.ndarray], np.ndarray]
+
+_advance, _evaluate, _elastic = Direct(steps.advance), Direct(steps.evaluate), Direct(steps.elastic)
+_strains_at, _largest_principal = Direct(steps.strains_at), Direct(steps.largest_principal)
+
+
+def ultimate_strain(limit: float, reduction: float = 0.8) -> Criterion:
+    """Criterion (eq 40): the largest principal strain at an element's centre is above `reduction` times `limit`."""
+    if not (math.isfinite(limit) and limit > 0):
+        raise ValueError(f"limit={limit} must be positive")
+    if not 0 < reduction <= 1:
+        raise ValueError(f"reduction={reduction} must be above 0 and at most 1")
+    return lambda strain: principal(strain) > reduction * limit
+
+
+def principal(strain: np.ndarray) -> np.ndarray:
+    """Largest principal value (k,) of strains (k, 6) xx, yy, zz, yz, xz, xy."""
+    found = np.empty(len(strain))
+    _largest_principal(np.ascontiguousarray(strain), found)
+    return found
+
+
+class Manifold:
+    """Particles where they matter, elements elsewhere; a cubic `Lattice` with elements over it.
+
+    Args:
+        lattice: 3D Lattice, at rest or moving; it is what the free particles are, its loads and holds act on elements, too.
+        per_element: sites along the edge of an element, one number or one an axis (1 along an axis that repeats after one layer).
+        free: where elements are left to particles from the start: a region, or a function of points, of element centres;
+            None for nowhere.
+        manifold: where elements are manifold elements from the start, beside the layers: a region or a function of element centres.
+        layers: of manifold elements between particles and continuum, which stay when elements are released. 0 couples
+            particles and continuum directly, for comparison: bonds across the face then count beside the element's own stiffness.
+        cut: what becomes of elements that the outline of the body cuts: "particles", or "manifold", which holds together what lies
+            on both sides of a slit narrower than an element.
+        continuum: False for manifold elements in place of all continuum elements.
+        release: criterion (strains (k, 6) at the centres of manifold elements -> bools (k,)) for the release of elements, such as
+            `ultimate_strain`; None for none.
+        check_every: steps between two looks at the criterion.
+        step: s; by default 0.8 of the critical one, divided by sqrt(1 + alpha) with local damping.
+    """
+
+    def __init__(
+        self, lattice: Lattice, per_element: int | tuple[int, int, int], free: Where | None = None, manifold: Where | None = None,
+        layers: int = 1, cut: str = "particles", continuum: bool = True, release: Criterion | None = None, check_every: int = 5, step: float | None = None,
+    ) -> None:  # fmt: skip
+        if lattice.axes != 3:
+            raise ValueError("lattice must be cubic: one repeating layer of it is plane strain")
+        if lattice.time > 0.0:
+            raise ValueError(f"lattice.time={lattice.time:g} must be 0: elements are laid over a lattice before it moves")
+        if cut not in ("particles", "manifold"):
+            raise ValueError(f'cut="{cut}" must be "particles" or "manifold"')
+        count = np.broadcast_to(np.asarray(per_element, dtype=np.int64), 3).copy()
+        if np.any(count < 1):
+            raise ValueError(f"per_element={per_element} must be at least 1")
+        if layers < 0 or check_every < 1:
+            raise ValueError(f"layers={layers} must be at least 0 and check_every={check_every} at least 1")
+        self.lattice, self.layers, self.criterion, self.check_every = lattice, layers, release, check_every
+        self.grid = Grid(lattice.places, np.zeros(3, dtype=np.int64), count, lattice.periodic)
+        self.size = count * lattice.spacing
+        self._template = Template(self.grid, vectors(3, lattice.spacing), directions(3), lattice.spacing)
+        zero = lattice.reference[0] - lattice.places[0] * lattice.spacing  # of place (0, 0, 0)
+        corner = zero - 0.5 * lattice.spacing + self.grid.lower * self.size
+        self.node_reference = corner + self.grid.node_places * self.size
+        self.centres = corner + (self.grid.cells + 0.5) * self.size
+        slots = np.stack(np.meshgrid(*(np.arange(m) for m in count), indexing="ij"), axis=-1).reshape(-1, 3)
+        self._shape = bricks.shape_functions((slots + 0.5) / count)
+        self._at_centre = bricks.strain_matrix(np.full((1, 3), 0.5), self.size)[0]
+        self.kind = self._first_kinds(free, manifold, cut, continuum)
+        self._kinds: dict[bytes, int] = {}
+        self._matrices: list[np.ndarray] = []
+        self._stiffest = 0.0
+        self._element_kind = np.zeros(self.grid.count, dtype=np.int32)
+        self._holds: list[tuple[np.ndarray, str, History]] = []
+        self._nodal = Driving(self.node_reference)
+        n = len(self.node_reference)
+        self._nodes = steps.Nodes(
+            np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n)), np.zeros(n), np.zeros((n, 2), dtype=np.int32),
+            np.zeros(5, dtype=np.int64), np.zeros(SUMS),
+        )  # fmt: skip
+        self.time, self.released, self.release_log = 0.0, 0, [(0.0, 0)]
+        self.first_released = np.empty(0, dtype=np.int64)  # elements of the first release
+        self._lost = {"release_kinetic": 0.0, "release_strain": 0.0}
+        self.node_mass = np.zeros(n)
+        whole = np.flatnonzero(self.kind != PARTICLES)
+        self._add_mass(whole, 1.0)
+        lattice.refresh(self._free_rows(), ~self._free_rows())
+        self._arrange(np.arange(self.grid.count))
+        self.critical_step = self._critical_step()
+        damped = math.sqrt(1.0 + (lattice._terms.damping or 0.0))
+        self.step = SAFETY * self.critical_step / damped if step is None else float(step)
+        if not (math.isfinite(self.step) and self.step > 0):
+            raise ValueError(f"step={step} must be positive (s)")
+        self._ready, self._base = False, 0.0
+
+    # construction
+
+    def _first_kinds(self, free: Where | None, manifold: Where | None, cut: str, continuum: bool) -> np.ndarray:
+        kind = np.full(self.grid.count, CONTINUUM if continuum else MANIFOLD, dtype=np.uint8)
+        full, plain = self._plain()
+        kind[~plain] = MANIFOLD
+        if manifold is not None:
+            kind[rows_of(manifold, self.centres)] = MANIFOLD
+        if free is not None:
+            kind[rows_of(free, self.centres)] = PARTICLES
+        if cut == "particles":
+            kind[~full] = PARTICLES
+        self._surround(kind, np.flatnonzero(kind == PARTICLES))
+        return kind
+
+    def _plain(self) -> tuple[np.ndarray, np.ndarray]:
+        """Elements (n,) bool that are full, and those that are full and of one material, as continuum elements must be."""
+        element, layer = self.grid.element, self.lattice.layer
+        full = self.grid.filling() == np.prod(self.grid.per_element)
+        low, high = np.full(self.grid.count, 255), np.zeros(self.grid.count, dtype=np.int64)
+        np.minimum.at(low, element, layer)
+        np.maximum.at(high, element, layer)
+        return full, full & (low == high)
+
+    def _surround(self, kind: np.ndarray, elements: np.ndarray) -> np.ndarray:
+        """Make the continuum elements near some elements manifold elements; returns those that have changed."""
+        near = elements
+        for _ in range(self.layers):
+            near = self.grid.around(near)
+        changed = near[kind[near] == CONTINUUM]
+        kind[changed] = MANIFOLD
+        return changed
+
+    def _free_rows(self) -> np.ndarray:
+        return (self.kind == PARTICLES)[self.grid.element]
+
+    def _add_mass(self, elements: np.ndarray, sign: float) -> None:
+        """Shares m_j N(X_j) of the particles of elements in the masses of their nodes (eq 27)."""
+        sites = self.grid.sites_of(elements)
+        shares = sign * self.lattice.mass[sites, None] * self._shape[self.grid.slot[sites]]
+        np.add.at(self.node_mass, self.grid.nodes[self.grid.element[sites]], shares)
+
+    def _set_stiffness(self, elements: np.ndarray) -> None:
+        """Kinds of stiffness of some elements, one a different sharing of bonds."""
+        terms, layer = self.lattice._terms, self.lattice.layer
+        first_site = np.zeros(self.grid.count, dtype=np.int64)
+        first_site[self.grid.element] = np.arange(len(self.grid.element))
+        plain = elements[self.kind[elements] == CONTINUUM]
+        for number, material in enumerate(self.lattice.materials):
+            mine = plain[layer[first_site[plain]] == number]
+            if len(mine):
+                key = b"continuum %d" % number
+                if key not in self._kinds:
+                    found = bricks.stiffness(self.size, material.young_modulus, material.poisson_ratio)
+                    self._keep(key, found, mine[0])
+                self._element_kind[mine] = self._kinds[key]
+        manifold = elements[self.kind[elements] == MANIFOLD]
+        for part in np.array_split(manifold, max(1, len(manifold) // 512)):
+            weight, first, second = self._template.weights(part, self.kind == PARTICLES)
+            materials = np.where(weight > 0.0, layer[np.maximum(first, 0)] + 256 * layer[np.maximum(second, 0)].astype(int), 0)
+            for row, element in enumerate(part):
+                key = weight[row].tobytes() + materials[row].tobytes()
+                if key not in self._kinds:
+                    one, two = materials[row] % 256, materials[row] // 256
+                    normal, shear = (0.5 * (table[one] + table[two]) for table in (terms.normal, terms.shear))
+                    self._keep(key, self._template.stiffness(weight[row], normal, shear), element)
+                self._element_kind[element] = self._kinds[key]
+
+    def _keep(self, key: bytes, matrix: np.ndarray, element: int) -> None:
+        self._kinds[key] = len(self._matrices)
+        self._matrices.append(np.ascontiguousarray(matrix))
+        sites = self.grid.sites_of(np.array([element])) if len(self.grid.element) < 10**5 else None
+        share = (
+            self.lattice.mass[0] * np.prod(self.grid.per_element) / 8.0 * np.ones(8) if sites is None
+            else self.lattice.mass[sites] @ self._shape[self.grid.slot[sites]]
+        )  # fmt: skip
+        light = np.repeat(np.where(share > 1e-9 * share.max(), share, np.inf), 3) ** -0.5
+        self._stiffest = max(self._stiffest, float(np.linalg.eigvalsh(matrix * light[:, None] * light)[-1]))
+
+    def _critical_step(self) -> float:
+        """The smaller one of the lattice's, where particles are or may come, and the bound of the elements, 2 / max omega_e."""
+        found = 2.0 / math.sqrt(self._stiffest) if self._stiffest > 0.0 else math.inf
+        needs_particles = self.criterion is not None or bool((self.kind == PARTICLES).any())
+        return min(found, self.lattice.critical_step) if needs_particles else found
+
+    def _arrange(self, changed: np.ndarray) -> None:
+        """Everything that depends on which elements are there, after those in `changed` have changed."""
+        self._set_stiffness(changed[self.kind[changed] != PARTICLES])
+        active = np.flatnonzero(self.kind != PARTICLES).astype(np.int32)
+        alive = np.zeros(len(self.node_mass), dtype=bool)
+        alive[self.grid.nodes[active]] = True
+        self.node_mass[~alive] = 0.0
+        self.alive = alive
+        nodes = self._nodes
+        nodes.lightness[:] = np.where(alive, 1.0 / np.where(alive, self.node_mass, 1.0), 0.0)
+        nodes.velocity[:, ~alive] = 0.0
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], alive.astype(np.int8), [0]))))
+        runs = edges.reshape(-1, 2)
+        nodes.moving_runs[: len(runs)] = np.column_stack((runs[:, 0], runs[:, 1] - runs[:, 0]))
+        nodes.counts[MOVING_RUNS] = len(runs)
+        rows = np.flatnonzero(self.lattice.needed).astype(np.int32)
+        self._elements = steps.Elements(
+            self.grid.nodes, self._element_kind, np.array(self._matrices).reshape(-1, 24, 24), active,
+            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, np.zeros(48),
+        )  # fmt: skip
+
+    def _arrange_driving(self) -> None:
+        """Loads and dashpots of particles in elements become those of nodes, by their shape functions."""
+        lattice, free = self.lattice, self.lattice.free
+        lattice.driving.arrange(free)
+        self._nodal = Driving(self.node_reference)
+        for rows, force, history in lattice.driving.loads():
+            inner = ~free[rows]
+            self._nodal.load(*self._to_nodes(rows[inner], force[inner]), history)
+        for rows, coefficient in lattice.driving.dashpots():
+            inner = ~free[rows]
+            if inner.any():
+                self._nodal.absorb(*self._to_nodes(rows[inner], coefficient[inner]))
+        for rows, axes, history in self._holds:
+            self._nodal.hold(rows, axes, history)
+        self._nodal.arrange(self.alive)
+
+    def _to_nodes(self, rows: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        nodes = self.grid.nodes[self.grid.element[rows]]
+        shares = self._shape[self.grid.slot[rows]][:, :, None] * values[:, None, :]
+        found, where = np.unique(nodes, return_inverse=True)
+        total = np.zeros((max(1, len(found)), 3))
+        np.add.at(total, where.reshape(-1), shares.reshape(-1, 3))
+        return (found, total) if len(found) else (np.zeros(1, dtype=np.int32), total)
+
+    # state
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """Of the nodes, (nodes, 3) in m; a view, to be written in place."""
+        return self._nodes.displacement.T
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Of the nodes, (nodes, 3) in m/s; a view, to be written in place."""
+        return self._nodes.velocity.T
+
+    def set_motion(self, displacement: Any = None, velocity: Any = None) -> None:
+        """Set displacements and velocities of nodes and particles by functions of points (n, 3) that give (n, 3)."""
+        for values, nodal, particle in (
+            (displacement, self._nodes.displacement, self.lattice._state.displacement),
+            (velocity, self._nodes.velocity, self.lattice._state.velocity),
+        ):
+            if values is not None:
+                nodal[:] = np.where(self.alive, np.asarray(values(self.node_reference)).T, 0.0)
+                particle[:] = np.where(self.lattice.free, np.asarray(values(self.lattice.reference)).T, 0.0)
+        self._ready = False
+
+    def particle_motion(self, rows: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities (n, 3) of particles, all by default; of those in elements by u = N u_e."""
+        found = []
+        shape, nodes = self._shape[self.grid.slot[rows]], self.grid.nodes[self.grid.element[rows]]
+        for nodal, own in (
+            (self._nodes.displacement, self.lattice._state.displacement), (self._nodes.velocity, self.lattice._state.velocity),
+        ):  # fmt: skip
+            inner = np.einsum("nc,nca->na", shape, nodal.T[nodes])
+            found.append(np.where(self.lattice.free[rows, None], own.T[rows], inner))
+        return found[0], found[1]
+
+    def momentum(self) -> np.ndarray:
+        """(3,) in N s."""
+        state = self.lattice._state
+        return self._nodes.velocity @ self.node_mass + (state.velocity * self.lattice.free) @ self.lattice.mass
+
+    def element_strain(self, elements: np.ndarray) -> np.ndarray:
+        """Strains (k, 6) at the centres of elements: xx, yy, zz, yz, xz, xy."""
+        found = np.empty((len(elements), 6))
+        _strains_at(self._nodes, self._elements, np.asarray(elements, dtype=np.int32), self._at_centre, found)
+        return found
+
+    def internal_force(self, where: Where) -> np.ndarray:
+        """Sum (3,) of the forces of bonds and elements on the nodes and free particles `where`, N; some of each must be named."""
+        state, nodes = self.lattice._state, self._nodes
+        kept = state.force.copy(), nodes.force.copy()
+        _elastic(state, self.lattice._terms, nodes, self._elements)
+        total = np.zeros(3)
+        for points, force, there in (
+            (self.node_reference, nodes.force, self.alive), (self.lattice.reference, state.force, self.lattice.free),
+        ):  # fmt: skip
+            chosen = np.zeros(len(points), dtype=bool)
+            chosen[rows_of(where, points)] = True
+            total += force[:, chosen & there].sum(axis=1)
+        state.force[:], nodes.force[:] = kept
+        return total
+
+    def hold(self, where: Where, directions: str, velocity: History = 0.0) -> None:
+        """Move components of the nodes and of the particles `where` with a velocity (m/s); a later call wins.
+
+        `where` is a region or a function of points; faces are half a spacing outside the outer particles.
+        """
+        found = 0
+        for points, keep in ((self.node_reference, self._hold_nodes), (self.lattice.reference, self.lattice.hold)):
+            try:
+                rows = rows_of(where, points)
+            except ValueError:
+                continue
+            keep(rows, directions, velocity)
+            found += len(rows)
+        if not found:
+            raise ValueError("where names neither nodes nor particles")
+        self._ready = False
+
+    def _hold_nodes(self, rows: np.ndarray, directions: str, velocity: History) -> None:
+        self._holds.append((rows, directions, velocity))
+
+    # time
+
+    def advance(self, step_count: int) -> None:
+        """Go on by whole steps, with a look at the criterion of release every `check_every` of them."""
+        if isinstance(step_count, bool) or int(step_count) != step_count or step_count < 0:
+            raise ValueError(f"steps={step_count} must be a whole number, 0 or more")
+        lattice = self.lattice
+        while step_count > 0:
+            self.prepare()
+            now = min(step_count, CHUNK if self.criterion is None else self.check_every)
+            _advance(
+                lattice._state, lattice._terms, self._nodes, self._elements, lattice.driving.drive(self.time, self.step, now),
+                self._nodal.drive(self.time, self.step, now), now, self.step,
+            )  # fmt: skip
+            self.time += now * self.step
+            lattice.time = self.time
+            step_count -= now
+            lattice.check(self.step)
+            if self.criterion is not None:
+                self.release(self.overstrained())
+
+    def overstrained(self) -> np.ndarray:
+        """Manifold elements that the criterion wants released."""
+        manifold = np.flatnonzero(self.kind == MANIFOLD)
+        if self.criterion is None or len(manifold) == 0:
+            return manifold[:0]
+        return manifold[np.asarray(self.criterion(self.element_strain(manifold)), dtype=bool)]
+
+    def release(self, elements: np.ndarray) -> None:
+        """Turn elements into free particles, and continuum elements near them into manifold elements.
+
+        Momentum is kept; what the kinetic energy and the strain energy lose is booked as `release_kinetic` and `release_strain`.
+        """
+        elements = np.asarray(elements, dtype=np.int64)
+        elements = elements[self.kind[elements] != PARTICLES]
+        if len(elements) == 0:
+            return
+        self.prepare()
+        before = self._account()
+        lattice, state = self.lattice, self.lattice._state
+        sites = self.grid.sites_of(elements)
+        nodes, shape = self.grid.nodes[self.grid.element[sites]], self._shape[self.grid.slot[sites]]
+        for own, nodal in ((state.displacement, self._nodes.displacement), (state.velocity, self._nodes.velocity)):
+            own[:, sites] = np.einsum("sc,asc->as", shape, nodal[:, nodes])
+        self._add_mass(elements, -1.0)
+        self.kind[elements] = PARTICLES
+        changed = np.union1d(self._surround(self.kind, elements), self.grid.around(elements))
+        free = self._free_rows()
+        lattice.refresh(free, ~free, self.grid.sites_of(self.grid.around(elements)))
+        self._arrange(changed)
+        self.first_released = self.first_released if self.released else elements
+        self.released += len(elements)
+        self.release_log.append((self.time, self.released))
+        self._ready = False
+        self._settle()
+        after = self._account()
+        lost = before[0] - after[0], before[1] - after[1]
+        self._lost["release_kinetic"] += lost[0]
+        self._lost["release_strain"] += lost[1]
+        self._base += after[2] + sum(lost) - before[2]
+
+    def prepare(self) -> None:
+        """Forces for the state of now, where something has changed since the last step; energies count from the first time."""
+        if self._ready and self.lattice._ready:
+            return
+        started = self.time > 0.0
+        self._settle()
+        if not started:
+            self._base = self._account()[2]
+
+    def _settle(self) -> None:
+        lattice, h = self.lattice, self.step
+        self._arrange_driving()
+        _evaluate(
+            lattice._state, lattice._terms, self._nodes, self._elements, lattice.driving.drive(self.time - h, h, 1),
+            self._nodal.drive(self.time - h, h, 1), 0, h, 0.0,
+        )  # fmt: skip
+        self._ready = lattice._ready = True
+
+    # energies
+
+    def _account(self) -> tuple[float, float, float]:
+        """Kinetic and elastic energy, and the account as that of `Lattice`, of particles and nodes together (J)."""
+        state, nodes = self.lattice._state, self._nodes
+        kept = state.force.copy(), nodes.force.copy()
+        elastic = float(sum(_elastic(state, self.lattice._terms, nodes, self._elements)))
+        middle = elastic + ahead(state, kept[0], self.step) + ahead(nodes, kept[1], self.step)
+        state.force[:], nodes.force[:] = kept
+        kinetic = 0.5 * float((nodes.velocity**2).sum(axis=0) @ self.node_mass) + self.lattice.kinetic_energy()
+        sums = state.sums + nodes.sums
+        lost = sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] + sum(self._lost.values())
+        return kinetic, elastic, middle + lost - sums[EXTERNAL] - sums[HELD]
+
+    def energies(self) -> dict[str, float]:
+        """Energy terms in J; `balance` is the error of the account, without what the integrator's own energy jumps by in a release."""
+        self.prepare()
+        kinetic, elastic, account = self._account()
+        sums = self.lattice._state.sums + self._nodes.sums
+        return {
+            "kinetic": kinetic, "elastic": elastic, "breaking": float(sums[BREAKING]), "local_damping": float(sums[DAMPING]),
+            "absorbed": float(sums[ABSORBED]), "external_work": float(sums[EXTERNAL]), "held_work": float(sums[HELD]),
+            "broken_bonds": float(sums[BROKEN_BONDS]), **self._lost, "balance": account - self._base,
+        }  # fmt: skip
+

@@ -1,0 +1,84 @@
+"""Elements of a regular mesh over the sites of a cubic lattice: who is in which element, and which nodes they share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])  # in basix's order
+AROUND = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+
+
+class Grid:
+    """Bricks of `per_element` sites; an element is there where it holds a site.
+
+    Args:
+        places: whole-number coordinates (n, 3) of the sites, from zero.
+        origin: place of the first site of an element.
+        per_element: sites along each axis of an element.
+        periodic: axes along which the body repeats; their number of sites must fit.
+    """
+
+    def __init__(self, places: np.ndarray, origin: np.ndarray, per_element: np.ndarray, periodic: tuple[bool, ...]) -> None:
+        self.per_element, self.periodic = per_element, np.array(periodic)
+        self.places = places - origin
+        cells = self.places // per_element
+        self.lower = np.minimum(cells.min(axis=0), 0)
+        self.shape = cells.max(axis=0) - self.lower + 1
+        self.sites_shape = self.shape * per_element
+        self.places = self.places - self.lower * per_element
+        fits = self.places.max(axis=0) - self.places.min(axis=0) + 1 == self.sites_shape
+        if np.any(self.periodic & ~fits):
+            raise ValueError(f"per_element={tuple(per_element.tolist())} must divide the number of sites along a periodic axis")
+        cells = self.places // per_element
+        numbers = np.ravel_multi_index(tuple(cells.T), tuple(self.shape))
+        found, self.element = np.unique(numbers, return_inverse=True)
+        self.element = self.element.reshape(-1).astype(np.int32)
+        self.cells = np.column_stack(np.unravel_index(found, tuple(self.shape)))  # (elements, 3)
+        inside = self.places - cells * per_element
+        self.slot = np.ravel_multi_index(tuple(inside.T), tuple(per_element)).astype(np.int32)
+        self.count = len(found)
+        self._site_at = self._table(self.places, self.sites_shape)
+        self._element_at = self._table(self.cells, self.shape)
+        corners = self.cells[:, None, :] + CORNERS
+        repeats = np.where(self.periodic, self.shape, self.shape + 1)
+        corners = corners % repeats
+        keys, nodes = np.unique(np.ravel_multi_index(tuple(corners.reshape(-1, 3).T), tuple(repeats)), return_inverse=True)
+        self.nodes = nodes.reshape(-1, 8).astype(np.int32)  # (elements, 8)
+        self.node_places = np.column_stack(np.unravel_index(keys, tuple(repeats)))
+
+    @staticmethod
+    def _table(coordinates: np.ndarray, shape: np.ndarray) -> np.ndarray:
+        table = np.full(tuple(shape), -1, dtype=np.int32)
+        table[tuple(coordinates.T)] = np.arange(len(coordinates))
+        return table
+
+    def _at(self, table: np.ndarray, coordinates: np.ndarray) -> np.ndarray:
+        """Entries of a table at coordinates (..., 3), -1 outside; periodic axes wrap."""
+        shape = np.array(table.shape)
+        wrapped = np.where(self.periodic, coordinates % shape, coordinates)
+        outside = np.any((wrapped < 0) | (wrapped >= shape), axis=-1)
+        wrapped = np.where(outside[..., None], 0, wrapped)
+        return np.where(outside, -1, table[tuple(np.moveaxis(wrapped, -1, 0))])
+
+    def site_at(self, places: np.ndarray) -> np.ndarray:
+        """Site numbers (...) at places (..., 3), -1 where there is none."""
+        return self._at(self._site_at, places)
+
+    def element_at(self, cells: np.ndarray) -> np.ndarray:
+        """Element numbers (...) at cells (..., 3), -1 where there is none."""
+        return self._at(self._element_at, cells)
+
+    def around(self, elements: np.ndarray) -> np.ndarray:
+        """Elements that share a corner with some, themselves included; sorted."""
+        found = self.element_at(self.cells[elements][:, None, :] + AROUND)
+        return np.unique(found[found >= 0])
+
+    def sites_of(self, elements: np.ndarray) -> np.ndarray:
+        """Sites of some elements, sorted."""
+        chosen = np.zeros(self.count, dtype=bool)
+        chosen[elements] = True
+        return np.flatnonzero(chosen[self.element])
+
+    def filling(self) -> np.ndarray:
+        """Number of sites (elements,)."""
+        return np.bincount(self.element, minlength=self.count)

@@ -1,0 +1,155 @@
+"""Compiled loops of a body of elements and particles: particles carried by elements, element forces, whole steps."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from numba import njit
+
+from particles.lattice import motion
+from particles.system import KERNEL, OUTER, STEPS
+
+
+class Nodes(NamedTuple):
+    """Motion of the nodes, as `particles.lattice.motion` wants points."""
+
+    displacement: Any  # (3, nodes), m
+    velocity: Any  # (3, nodes), m/s
+    force: Any  # (3, nodes), N
+    lightness: Any  # (nodes,) 1/kg; 0 where no element is left
+    moving_runs: Any  # (runs, 2) int32
+    counts: Any  # (5,) int64
+    sums: Any  # energy sums, J
+
+
+class Elements(NamedTuple):
+    """Elements that are there, by type of stiffness, and the particles that they carry."""
+
+    node: Any  # (elements, 8) int32
+    kind: Any  # (elements,) int32
+    stiffness: Any  # (kinds, 24, 24), N/m
+    active: Any  # (active,) int32 elements
+    carried: Any  # (carried,) int32 rows of the lattice
+    carrier: Any  # (carried,) int32 element of each
+    slot: Any  # (carried,) int32 place in it
+    shape: Any  # (slots, 8) shape functions of the places
+    room: Any  # (48,)
+
+
+@njit(**KERNEL)
+def carry(state, nodes, elements):
+    """Displacements and velocities of carried particles by those of the nodes: u = N u_e (eq 39)."""
+    for q in range(len(elements.carried)):
+        i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
+        for a in range(3):
+            u = v = 0.0
+            for c in range(8):
+                node, weight = elements.node[e, c], elements.shape[slot, c]
+                u += weight * nodes.displacement[a, node]
+                v += weight * nodes.velocity[a, node]
+            state.displacement[a, i] = u
+            state.velocity[a, i] = v
+
+
+@njit(**KERNEL)
+def element_forces(nodes, elements):
+    """Nodal forces - K u of all elements, written into `force`."""
+    f, u, room = nodes.force, nodes.displacement, elements.room
+    for a in range(3):
+        for i in range(f.shape[1]):
+            f[a, i] = 0.0
+    for q in range(len(elements.active)):
+        e = elements.active[q]
+        matrix = elements.stiffness[elements.kind[e]]
+        for c in range(24):
+            room[24 + c] = 0.0
+        for c in range(8):
+            for a in range(3):
+                moved = u[a, elements.node[e, c]]
+                for r in range(24):
+                    room[24 + r] += matrix[3 * c + a, r] * moved
+        for c in range(8):
+            for a in range(3):
+                f[a, elements.node[e, c]] -= room[24 + 3 * c + a]
+
+
+@njit(**KERNEL)
+def hand_over(state, nodes, elements):
+    """Forces on carried particles to the nodes: F_e = N F (eq 38)."""
+    for q in range(len(elements.carried)):
+        i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
+        for a in range(3):
+            force = state.force[a, i]
+            for c in range(8):
+                nodes.force[a, elements.node[e, c]] += elements.shape[slot, c] * force
+
+
+@njit(**OUTER)
+def evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, booked):
+    """All forces at the displacements of now."""
+    carry(state, nodes, elements)
+    motion.forces(state, terms, h, booked)
+    element_forces(nodes, elements)
+    hand_over(state, nodes, elements)
+    motion.act(state, terms.damping, drive, s, h, booked)
+    motion.act(nodes, terms.damping, nodal_drive, s, h, booked)
+
+
+@njit(**OUTER)
+def advance(state, terms, nodes, elements, drive, nodal_drive, steps, h):
+    """Whole steps of particles and nodes together, from and to displacements, velocities and forces of one time."""
+    motion.kick(state, 0.5 * h, h)
+    motion.kick(nodes, 0.5 * h, h)
+    for s in range(steps):
+        evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, 1.0)
+        if s < steps - 1:
+            motion.kick(state, h, h)
+            motion.kick(nodes, h, h)
+    motion.kick(state, 0.5 * h, 0.0)
+    motion.kick(nodes, 0.5 * h, 0.0)
+    carry(state, nodes, elements)
+
+
+@njit(**OUTER)
+def elastic(state, terms, nodes, elements):
+    """Energies (J) of the explicit bonds and of the elements; forces become those of bonds and elements alone."""
+    carry(state, nodes, elements)
+    of_bonds = motion.elastic(state, terms)
+    element_forces(nodes, elements)
+    of_elements = 0.0
+    for a in range(3):
+        for i in range(nodes.force.shape[1]):
+            of_elements -= 0.5 * nodes.force[a, i] * nodes.displacement[a, i]
+    hand_over(state, nodes, elements)
+    return of_bonds, of_elements
+
+
+@njit(**STEPS)
+def strains_at(nodes, elements, chosen, matrix, strain):
+    """Strains (chosen, 6) of elements by a strain matrix (6, 24): those at their centres."""
+    for q in range(len(chosen)):
+        for r in range(6):
+            total = 0.0
+            for c in range(8):
+                node = elements.node[chosen[q], c]
+                for a in range(3):
+                    total += matrix[r, 3 * c + a] * nodes.displacement[a, node]
+            strain[q, r] = total
+
+
+@njit(**STEPS)
+def largest_principal(strain, result):
+    """Largest principal value (k,) of strains (k, 6) xx, yy, zz, yz, xz, xy, by the trigonometric solution."""
+    for q in range(len(strain)):
+        xx, yy, zz, yz, xz, xy = strain[q, 0], strain[q, 1], strain[q, 2], strain[q, 3], strain[q, 4], strain[q, 5]
+        mean = (xx + yy + zz) / 3.0
+        xx, yy, zz = xx - mean, yy - mean, zz - mean
+        half = (xx * xx + yy * yy + zz * zz) / 6.0 + (yz * yz + xz * xz + xy * xy) / 3.0
+        radius = math.sqrt(half)
+        if not half * radius > 0.0:  # no deviator, or one that is too small for its cube
+            result[q] = mean
+            continue
+        det = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+        cosine = min(1.0, max(-1.0, 0.5 * det / (half * radius)))
+        result[q] = mean + 2.0 * radius * math.cos(math.acos(cosine) / 3.0)

@@ -1,0 +1,68 @@
+"""Stiffness of particle-based manifold elements: bricks whose energy is that of lattice bonds (Zhao et al. 2012, eqs 28-37).
+
+Bonds are counted by the place of their midpoint: a bond whose midpoint lies in n elements is shared by these n, whichever hold
+its ends; a bond that has a force of its own, because one end is a free particle, belongs to none. So every bond of the body counts
+once, and a uniform strain has the energy of the lattice.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bridge.manifold.grid import Grid
+from continuum import bricks
+
+
+class Template:
+    """Bonds with midpoints in a closed element, and their deformations by its nodes.
+
+    Args:
+        grid: sites and elements.
+        vectors: reference bond vectors (18, 3) in m, opposite ones in turn.
+        steps: the same in whole steps of the lattice.
+        spacing: m.
+    """
+
+    def __init__(self, grid: Grid, vectors: np.ndarray, steps: np.ndarray, spacing: float) -> None:
+        self._grid = grid
+        n = grid.per_element
+        origin = np.stack(np.meshgrid(*(np.arange(-1, m + 1) for m in n), indexing="ij"), axis=-1).reshape(-1, 3)
+        first, way = np.repeat(origin, 9, axis=0), np.tile(np.arange(0, 18, 2), len(origin))
+        second = first + steps[way]
+        twice = first + second + 1  # of the midpoint, in sites
+        inside = np.all((twice >= 0) & (twice <= 2 * n), axis=1)
+        self.first, self.second, way, twice = first[inside], second[inside], way[inside], twice[inside]
+        low, high = np.where(twice == 0, -1, 0), np.where(twice == 2 * n, 1, 0)
+        across = low + high  # an element further along these axes has the midpoint, too
+        self.owners = np.array([[[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]] * len(across)) * across[:, None, :]
+        self._repeated = np.maximum(2 ** np.sum(across == 0, axis=1), 1)  # each owner is listed so often
+        size = n * spacing
+        strain = bricks.strain_matrix(twice / (2.0 * n), size)  # (bonds, 6, 24)
+        tensor = strain[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]], :]
+        arm = vectors[way]
+        unit = arm / np.linalg.norm(arm, axis=1, keepdims=True)
+        deformation = np.einsum("brsa,bs->bra", tensor, arm)
+        self.stretch = np.einsum("bra,br->ba", deformation, unit)  # (bonds, 24)
+        self.shear = deformation - self.stretch[:, None, :] * unit[:, :, None]  # (bonds, 3, 24)
+
+    def weights(self, elements: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Share (elements, bonds) of each bond that an element owns, and the sites at its ends.
+
+        Args:
+            elements: their numbers.
+            free: elements (all,) bool that have been left to particles.
+        """
+        grid = self._grid
+        base = grid.cells[elements][:, None, :] * grid.per_element
+        first, second = grid.site_at(base + self.first), grid.site_at(base + self.second)
+        there = (first >= 0) & (second >= 0)
+        there &= ~free[grid.element[np.where(there, first, 0)]] & ~free[grid.element[np.where(there, second, 0)]]
+        owner = grid.element_at(grid.cells[elements][:, None, None, :] + self.owners)
+        owning = ((owner >= 0) & ~free[np.maximum(owner, 0)]).sum(axis=2) // self._repeated
+        return np.where(there, 1.0 / np.maximum(owning, 1), 0.0), first, second
+
+    def stiffness(self, weight: np.ndarray, normal: np.ndarray, shear: np.ndarray) -> np.ndarray:
+        """Stiffness (24, 24) in N/m of shares (bonds,) of bonds with stiffnesses (bonds,) in N/m."""
+        along = (self.stretch * (weight * normal)[:, None]).T @ self.stretch
+        flat = self.shear.reshape(-1, 24)
+        return along + (flat * np.repeat(weight * shear, 3)[:, None]).T @ flat

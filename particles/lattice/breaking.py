@@ -1,0 +1,115 @@
+"""Failure of bonds: the test, and what a broken bond changes (Zhao et al. 2012, section 2.2.4)."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from particles.lattice.general import bond_energy, elongation_of, set_cluster, shear_of, strain_special
+from particles.lattice.lists import list_rows
+from particles.lattice.regular import worst_cubic
+from particles.lattice.state import (
+    BREAKING,
+    BROKEN,
+    BROKEN_BONDS,
+    EXPLICIT,
+    FORCE_RUNS,
+    FORCE_SPECIAL,
+    SPECIAL,
+)  # fmt: skip
+from particles.system import KERNEL, OUTER
+
+
+@njit(**KERNEL)
+def fails(state, terms, limits, i, k):
+    """Whether an intact bond has passed a limit: the smaller one of its ends."""
+    if state.bonds[i, k] & (EXPLICIT | BROKEN) != EXPLICIT:
+        return False
+    j = state.near[i, k]
+    a, b = state.material[i], state.material[j]
+    stretch, _, _, _ = elongation_of(state, terms, state.rotation, i, j, k)
+    if stretch > min(limits[a, 0], limits[b, 0]):
+        return True
+    sx, sy, sz = shear_of(state, terms, i, j, k)
+    return math.sqrt(sx * sx + sy * sy + sz * sz) > min(limits[a, 1], limits[b, 1])
+
+
+@njit(**OUTER)
+def sever(state, terms, i, k):
+    """Break one bond: out of both clusters, their strains anew; books the energy that is lost."""
+    j = state.near[i, k]
+    before = _around(state, terms, i) + _around(state, terms, j)
+    before -= _shared(state, terms, i, j)
+    _cut(state, terms, i, k)
+    _cut(state, terms, j, k ^ 1)
+    strain_special(state, terms, state.rotation, i)
+    strain_special(state, terms, state.rotation, j)
+    after = _around(state, terms, i) + _around(state, terms, j) - _shared(state, terms, i, j)
+    state.sums[BREAKING] += before - after
+    state.sums[BROKEN_BONDS] += 1.0
+
+
+@njit(**OUTER)
+def _cut(state, terms, i, k):
+    """Take a bond out of the cluster of a row."""
+    state.bonds[i, k] = EXPLICIT | BROKEN
+    state.strain_kind[i] = SPECIAL
+    state.force_kind[i] = SPECIAL
+    set_cluster(state, terms, i)
+
+
+@njit(**KERNEL)
+def _around(state, terms, i):
+    """Energy of the bonds of a row."""
+    total = 0.0
+    for k in range(state.near.shape[1]):
+        total += bond_energy(state, terms, i, k)
+    return total
+
+
+@njit(**KERNEL)
+def _shared(state, terms, i, j):
+    """Energy of the bonds between two rows, several where the lattice repeats after few sites."""
+    total = 0.0
+    for k in range(state.near.shape[1]):
+        if state.near[i, k] == j:
+            total += bond_energy(state, terms, i, k)
+    return total
+
+
+@njit(**KERNEL)
+def _near_failure(state, terms, limits, first, count):
+    """Whether any bond of a run has come to its limit, but for rounding."""
+    u, e, kind = state.displacement, state.strain, state.material[first]
+    worst = worst_cubic(
+        first, count, state.near[first], terms.spacing, limits[kind, 0], limits[kind, 1], u[0], u[1], u[2],
+        e[0], e[1], e[2], e[3], e[4], e[5],
+    )  # fmt: skip
+    return worst > 1.0 - 1e-9
+
+
+@njit(**OUTER)
+def break_bonds(state, terms, limits):
+    """Break all bonds that fail now, each asked at the end that it leaves in an even direction; whether there were any."""
+    broken = False
+    if limits is None:
+        return broken
+    for q in range(state.counts[FORCE_RUNS]):
+        first = state.force_runs[q, 0]
+        if terms.plane is None and not _near_failure(state, terms, limits, first, state.force_runs[q, 1]):
+            continue
+        for i in range(first, first + state.force_runs[q, 1]):
+            for k in range(0, state.near.shape[1], 2):
+                if fails(state, terms, limits, i, k):
+                    sever(state, terms, i, k)
+                    broken = True
+    for q in range(state.counts[FORCE_SPECIAL]):
+        i = state.force_special[q]
+        for k in range(0, state.near.shape[1], 2):
+            if fails(state, terms, limits, i, k):
+                sever(state, terms, i, k)
+                broken = True
+    if broken:
+        list_rows(state)
+    return broken

@@ -1,0 +1,91 @@
+"""Lattice sites, their order, and who is next to whom."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Pairs of opposite directions, in steps of the lattice: axes and face diagonals of the cubic lattice
+CUBIC = ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1))
+# steps (along a row, up a row): the second axis of the hexagonal lattice points 60 degrees up
+HEXAGONAL = ((1, 0, 0), (0, 1, 0), (-1, 1, 0))
+TOLERANCE = 1e-6  # of the spacing: how far from its place a site may lie
+
+
+def directions(axes: int) -> np.ndarray:
+    """Steps (18 or 6, 3) to the neighbours; row 2 p + 1 is the opposite of row 2 p."""
+    half = np.array(CUBIC if axes == 3 else HEXAGONAL)
+    return np.stack((half, -half), axis=1).reshape(-1, 3)
+
+
+def vectors(axes: int, spacing: float) -> np.ndarray:
+    """Reference bond vectors (18 or 6, 3) in m."""
+    return spacing * (directions(axes) @ basis(axes).T)
+
+
+def basis(axes: int) -> np.ndarray:
+    """Steps of the lattice as columns (3, 3), in spacings."""
+    return np.eye(3) if axes == 3 else np.array([(1.0, 0.5, 0.0), (0.0, 0.5 * np.sqrt(3.0), 0.0), (0.0, 0.0, 1.0)])
+
+
+def places(sites: np.ndarray, spacing: float) -> np.ndarray:
+    """Whole-number coordinates (n, 3) of sites (n, 2 or 3), the smallest zero.
+
+    Raises:
+        ValueError: a site lies beside the lattice through the first one, or two share a place.
+    """
+    axes = sites.shape[1]
+    inverse = np.linalg.inv(basis(axes))
+    offset = np.zeros((len(sites), 3))
+    offset[:, :axes] = (sites - sites[0]) / spacing
+    steps = offset @ inverse.T
+    whole = np.rint(steps)
+    beside = np.abs(steps - whole).max(axis=1) > TOLERANCE
+    if beside.any():
+        kind = "cubic" if axes == 3 else "hexagonal"
+        raise ValueError(
+            f"site {sites[np.argmax(beside)]} lies beside the {kind} lattice of spacing={spacing:g} m through {sites[0]}: "
+            f"take sites of meshes.packings.{'simple_cubic' if axes == 3 else 'hexagonal'} with half the spacing as radius"
+        )
+    found = (whole - whole.min(axis=0)).astype(np.int64)
+    if len(np.unique(found, axis=0)) < len(found):
+        raise ValueError("two sites have the same place; each site must be given once")
+    return found
+
+
+def order(found: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Order of the sites with the longest axis fastest, and the axes from slow to fast."""
+    extent = found.max(axis=0)
+    axes = tuple(int(axis) for axis in np.argsort(extent, kind="stable"))
+    return np.lexsort(tuple(found[:, axis] for axis in axes[::-1])), axes
+
+
+def neighbours(found: np.ndarray, axes: tuple[int, ...], steps: np.ndarray, periodic: tuple[bool, ...]) -> np.ndarray:
+    """Row (n, steps) int32 of the neighbour in each direction, -1 where there is none.
+
+    Args:
+        found: places (n, 3), sorted by `order`.
+        axes: from slow to fast.
+        steps: (k, 3).
+        periodic: axes along which the lattice repeats.
+    """
+    shape = found.max(axis=0) + 1
+    wide = shape + 2  # a margin instead of a look whether a neighbour is outside
+    stride = np.zeros(3, dtype=np.int64)
+    stride[list(axes)] = wide[axes[1]] * wide[axes[2]], wide[axes[2]], 1
+    keys = (found + 1) @ stride  # ascending
+    table = np.empty((len(found), len(steps)), dtype=np.int32)
+    for k, step in enumerate(steps):
+        target = found + step
+        for axis in np.flatnonzero(periodic):
+            target[:, axis] %= shape[axis]
+        wanted = (target + 1) @ stride
+        where = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        table[:, k] = np.where(keys[where] == wanted, where, -1)
+    return table
+
+
+def follows(table: np.ndarray) -> np.ndarray:
+    """Which rows (n,) have as neighbours the rows after the neighbours of the row before; uint8."""
+    result = np.zeros(len(table), dtype=np.uint8)
+    result[1:] = np.all(table[1:] == table[:-1] + 1, axis=1)
+    return result

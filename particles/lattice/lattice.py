@@ -1,0 +1,354 @@
+"""A body of distinct lattice springs: particles on a lattice that carry translations only (Zhao et al. 2012, section 2.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from particles.dispatch import Direct
+from particles.lattice import general, geometry, lists, motion
+from particles.lattice.driving import Driving, History, Where, face_area, lysmer, rows_of
+from particles.lattice.material import LatticeMaterial
+from particles.lattice.state import (
+    ABSORBED,
+    BREAKING,
+    BROKEN,
+    BROKEN_BONDS,
+    DAMPING,
+    EXPLICIT,
+    EXTERNAL,
+    HELD,
+    JOINED,
+    SPECIAL,
+    SUMS,
+    State,
+    Terms,
+)  # fmt: skip
+from particles.motion import Unstable
+
+_advance, _evaluate = Direct(motion.advance), Direct(motion.evaluate)
+_elastic, _fastest = Direct(motion.elastic), Direct(motion.fastest)
+ahead = Direct(motion.ahead)
+_list_rows, _set_clusters = Direct(lists.list_rows), Direct(general.set_clusters)
+CHUNK = 50  # steps between two looks for blow-up
+SAFETY = 0.8  # of the critical step, which local damping makes shorter: forces against the motion are 1 + alpha times larger
+
+
+class Lattice:
+    """Particles on the 18-neighbour cubic or, in the plane, the hexagonal lattice, all bonds intact and without force.
+
+    Rows are sorted along the longest axis; `reference` gives their places. A particle fills its part of the body (d^3, in the
+    plane d^2 sqrt(3)/2 per metre), so that faces lie half a spacing outside the centres.
+
+    Args:
+        sites: (n, 3) or (n, 2) in m, such as `meshes.packings.simple_cubic(region, spacing / 2)` or `hexagonal`.
+        spacing: d between neighbours, m.
+        material: LatticeMaterial, or a list of them, which `layer` chooses from.
+        layer: function of points (n, axes) that gives the number of each one's material; all are the first by default.
+        force: "pairwise" (as published: the shear of a bond acts on its two ends) or "variational" (the gradient of the energy,
+            spread over the clusters: no net torque, symmetric stiffness; four times slower).
+        plane: "strain" or "stress", in the plane.
+        corotational: strains and forces turn with the body, for rotations that are not small (pairwise force; four times slower).
+        periodic: axes along which the sites repeat, such as "z": one layer with u_z held is plane strain.
+        local_damping: alpha of the damping against each velocity component: 0.8 to find equilibria, 0 for waves.
+        step: s; by default 0.8 of the critical step, divided by sqrt(1 + alpha).
+    """
+
+    def __init__(
+        self, sites: Any, spacing: float, material: LatticeMaterial | Sequence[LatticeMaterial],
+        layer: Callable[[np.ndarray], Any] | None = None, force: str = "pairwise", plane: str = "strain", periodic: str = "",
+        local_damping: float = 0.0, step: float | None = None, corotational: bool = False,
+    ) -> None:  # fmt: skip
+        sites = np.asarray(sites, dtype=float)
+        if sites.ndim != 2 or sites.shape[1] not in (2, 3) or len(sites) == 0 or not np.all(np.isfinite(sites)):
+            raise ValueError(f"sites of shape {sites.shape} must be finite with the shape (n, 2) or (n, 3), n at least 1")
+        if not (math.isfinite(spacing) and spacing > 0):
+            raise ValueError(f"spacing={spacing} must be positive (m)")
+        for name, value, allowed in (("force", force, ("pairwise", "variational")), ("plane", plane, ("strain", "stress"))):
+            if value not in allowed:
+                raise ValueError(f'{name}="{value}" must be "{allowed[0]}" or "{allowed[1]}"')
+        if corotational and force != "pairwise":
+            raise ValueError(f'corotational={corotational} needs force="pairwise", not "{force}"')
+        if not 0 <= local_damping < 1:
+            raise ValueError(f"local_damping={local_damping} must lie in [0, 1)")
+        if set(periodic) - set("xyz"[: sites.shape[1]]):
+            raise ValueError(f'periodic="{periodic}" must name axes of "{"xyz"[: sites.shape[1]]}"')
+        self.axes, self.spacing = sites.shape[1], float(spacing)
+        self.materials = [material] if isinstance(material, LatticeMaterial) else list(material)
+        self.periodic = tuple(axis in periodic for axis in "xyz")
+        found = geometry.places(sites, spacing)
+        self.order, axes = geometry.order(found)
+        self.reference, self.places = sites[self.order], found[self.order]
+        self._terms = self._constants(plane, local_damping)
+        volume = self.spacing**3 if self.axes == 3 else 0.5 * math.sqrt(3.0) * self.spacing**2
+        self._masses = np.array([one.density * volume for one in self.materials])
+        near = geometry.neighbours(self.places, axes, geometry.directions(self.axes), self.periodic)
+        self._state = self._make_state(near, self._layers(layer), force == "variational", corotational)
+        self.time = 0.0
+        self.critical_step = self._critical_step()
+        self.step = SAFETY * self.critical_step / math.sqrt(1.0 + local_damping) if step is None else float(step)
+        if not (math.isfinite(self.step) and 0 < self.step):
+            raise ValueError(f"step={step} must be positive (s)")
+        self.driving = Driving(self.reference)
+        self.refresh(np.ones(self.count, dtype=bool), np.zeros(self.count, dtype=bool))
+        self._ready = False
+        self._base = 0.0
+
+    # construction
+
+    def _constants(self, plane: str, damping: float) -> Terms:
+        springs = np.array([one.springs(self.spacing, self.axes, plane) for one in self.materials])
+        limits = np.array([(m.normal_limit, m.normal_limit if m.shear_limit is None else m.shear_limit) for m in self.materials])
+        return Terms(
+            self.spacing, geometry.vectors(self.axes, self.spacing), springs[:, 0].copy(), springs[:, 1].copy(),
+            np.minimum(limits, 1e100) if np.isfinite(limits).any() else None, None if self.axes == 3 else 1,
+            damping if damping > 0 else None,
+        )  # fmt: skip
+
+    def _layers(self, layer: Callable[[np.ndarray], Any] | None) -> np.ndarray:
+        if layer is None:
+            return np.zeros(len(self.reference), dtype=np.uint8)
+        number = np.broadcast_to(np.asarray(layer(self.reference)), len(self.reference)).astype(np.int64)
+        if number.min() < 0 or number.max() >= len(self.materials):
+            raise ValueError(f"layer gives {number.min()} to {number.max()}; it must give numbers from 0 to {len(self.materials) - 1}")
+        return number.astype(np.uint8)
+
+    def _make_state(self, near: np.ndarray, material: np.ndarray, variational: bool, corotational: bool) -> State:
+        n = len(near)
+        return State(
+            displacement=np.zeros((3, n)), velocity=np.zeros((3, n)), force=np.zeros((3, n)), lightness=1.0 / self._masses[material], strain=np.zeros((6, n)),
+            moment=np.zeros((6, n)) if variational else None,
+            rotation=np.repeat(np.eye(3).reshape(9, 1), n, axis=1) if corotational else None, near=near, bonds=np.zeros(near.shape, dtype=np.uint8),
+            follows=geometry.follows(near), material=material, strain_kind=np.zeros(n, dtype=np.uint8),
+            force_kind=np.zeros(n, dtype=np.uint8), moving=np.zeros(n, dtype=np.uint8), cluster=np.zeros((n, 9)),
+            strain_runs=np.zeros((n, 2), dtype=np.int32), strain_special=np.zeros(n, dtype=np.int32),
+            force_runs=np.zeros((n, 2), dtype=np.int32), force_special=np.zeros(n, dtype=np.int32),
+            moving_runs=np.zeros((n, 2), dtype=np.int32), counts=np.zeros(5, dtype=np.int64), sums=np.zeros(SUMS),
+        )  # fmt: skip
+
+    def _critical_step(self) -> float:
+        """2 / omega_max of the infinite lattice: omega_max^2 = 12 k_n / m (18 neighbours) or 6 k_n / m (hexagonal)."""
+        normal, mass = self._terms.normal, self._masses
+        square = 12.0 * normal.max() if self.axes == 3 else 6.0 * normal.max()
+        return 2.0 / math.sqrt(square / mass.min())
+
+    # rows
+
+    @property
+    def count(self) -> int:
+        """Number of particles."""
+        return len(self.reference)
+
+    def refresh(self, free: np.ndarray, carried: np.ndarray, rows: np.ndarray | None = None) -> None:
+        """Set which rows move by their forces and which are carried along by something else; all others sleep.
+
+        A bond has a force of its own where one end at least is free and the other free or carried; carried rows keep all of
+        their neighbours in their clusters, whose displacements must be given, too.
+
+        Args:
+            free: (n,) bool.
+            carried: (n,) bool, none of them free.
+            rows: those whose bonds may differ from before, all by default.
+        """
+        state = self._state
+        rows = np.arange(self.count) if rows is None else rows
+        near = state.near[rows]
+        there, own_free, own_carried = near >= 0, free[rows, None], carried[rows, None]
+        other_free, other_known = there & free[near], there & (free | carried)[near]
+        explicit = (own_free & other_known) | (own_carried & other_free)
+        acting = explicit.any(axis=1) | free[rows]
+        broken = state.bonds[rows] & BROKEN
+        flags = np.where(there & (broken == 0), JOINED, 0) | np.where(explicit, EXPLICIT, 0) | broken
+        state.bonds[rows] = np.where(acting[:, None], flags, 0)
+        for kind, flag in ((state.strain_kind, JOINED), (state.force_kind, JOINED | EXPLICIT)):
+            found = lists.kinds(rows, state.near, state.bonds, state.material, flag)
+            kind[rows] = np.where(acting, found if state.moment is None and state.rotation is None else SPECIAL, 0)
+        state.moving[rows] = free[rows]
+        _set_clusters(state, self._terms, rows)
+        _list_rows(state)
+        self.free, self.carried = free, carried
+        self._ready = False
+
+    @property
+    def needed(self) -> np.ndarray:
+        """Rows (n,) bool whose displacement forces depend on, without being free: carried rows with bonds, and their neighbours."""
+        state = self._state
+        found = (state.force_kind > 0) & ~self.free
+        near = state.near[found]
+        found[near[near >= 0]] = True
+        return found & ~self.free
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """(n, axes) in m; a view, to be written in place."""
+        return self._state.displacement[: self.axes].T
+
+    @displacement.setter
+    def displacement(self, values: Any) -> None:
+        self._state.displacement[: self.axes] = np.asarray(values, dtype=float).T
+        self._ready = False
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """(n, axes) in m/s; a view, to be written in place."""
+        return self._state.velocity[: self.axes].T
+
+    @velocity.setter
+    def velocity(self, values: Any) -> None:
+        self._state.velocity[: self.axes] = np.asarray(values, dtype=float).T
+        self._ready = False
+
+    @property
+    def mass(self) -> np.ndarray:
+        """(n,) in kg."""
+        return self._masses[self._state.material]
+
+    @property
+    def layer(self) -> np.ndarray:
+        """Number (n,) of each particle's material."""
+        return self._state.material
+
+    def internal_force(self) -> np.ndarray:
+        """Forces (n, axes) of the bonds at the displacements of now, N."""
+        kept = self._state.force.copy()
+        _elastic(self._state, self._terms)
+        found = self._state.force[: self.axes].T.copy()
+        self._state.force[:] = kept
+        return found
+
+    def strain(self) -> np.ndarray:
+        """Least-squares strain (n, 6): xx, yy, zz, yz, xz, xy (tensor shear)."""
+        kept = self._state.force.copy()
+        _elastic(self._state, self._terms)
+        self._state.force[:] = kept
+        return self._state.strain.T
+
+    def stress(self) -> np.ndarray:
+        """Stress (n, 6) in Pa of the isotropic body at the least-squares strain, in the order of `strain`; 3D and plane strain."""
+        strain = self.strain()
+        e = np.array([m.young_modulus for m in self.materials])[self._state.material]
+        nu = np.array([m.poisson_ratio for m in self.materials])[self._state.material]
+        twice_shear = e / (1.0 + nu)
+        found = twice_shear[:, None] * strain
+        found[:, :3] += (twice_shear * nu / (1.0 - 2.0 * nu) * strain[:, :3].sum(axis=1))[:, None]
+        return found
+
+    def broken(self) -> np.ndarray:
+        """Broken bonds of each particle (n,)."""
+        return ((self._state.bonds & BROKEN) > 0).sum(axis=1)
+
+    def broken_bonds(self) -> np.ndarray:
+        """Ends (k, 2) of the bonds that have broken, as row numbers."""
+        rows, ways = np.nonzero(self._state.bonds[:, ::2] & BROKEN)
+        return np.column_stack((rows, self._state.near[rows, 2 * ways]))
+
+    # what acts on it
+
+    def rows(self, where: Where) -> np.ndarray:
+        """Row numbers of a region, a function of points, a mask or numbers."""
+        return rows_of(where, self.reference)
+
+    def hold(self, where: Where, directions: str, velocity: History = 0.0) -> None:
+        """Move components ("x", "yz", ...) of particles with a velocity (m/s), a number or a function of time; a later call wins."""
+        self.driving.hold(where, directions, velocity)
+        self._ready = False
+
+    def load(self, where: Where, force: Any, history: History = 1.0) -> None:
+        """Add a force (axes,) or (rows, axes) in N, times a number or a function of time, on each particle."""
+        self.driving.load(where, force, history)
+        self._ready = False
+
+    def traction(self, where: Where, traction: Any, history: History = 1.0) -> None:
+        """Add a traction (axes,) in Pa on the face that the outermost particles `where` form, across an axis."""
+        self.load(where, np.asarray(traction, dtype=float) * face_area(self), history)
+
+    def pressure(self, where: Where, pressure: float, history: History = 1.0) -> None:
+        """Push (Pa) on all faces of the particles `where` that look into the open, along the axes; cubic lattice."""
+        if self.axes != 3:
+            raise ValueError("pressure needs the cubic lattice, whose particles have faces across the axes")
+        rows = self.rows(where)
+        for way in range(6):
+            open_rows = rows[self._state.near[rows, way] < 0]
+            if len(open_rows):
+                outward = self._terms.vectors[way] / self.spacing
+                self.load(open_rows, -pressure * self.spacing**2 * outward, history)
+
+    def absorb(self, where: Where, normal: str) -> None:
+        """Let waves leave through the face of the particles `where`, whose normal is the axis "x", "y" or "z"."""
+        if normal not in tuple("xyz"[: self.axes]):
+            raise ValueError(f'normal="{normal}" must be one of {", ".join("xyz"[: self.axes])}')
+        rows = self.rows(where)
+        for kind in np.unique(self.layer[rows]):
+            mine = rows[self.layer[rows] == kind]
+            self.driving.absorb(mine, lysmer(self.materials[kind], face_area(self), "xyz".index(normal)))
+        self._ready = False
+
+    # time
+
+    def advance(self, steps: int) -> None:
+        """Go on by whole steps.
+
+        Raises:
+            Unstable: a particle moves by more than half a spacing in a step, or is not finite.
+        """
+        if isinstance(steps, bool) or int(steps) != steps or steps < 0:
+            raise ValueError(f"steps={steps} must be a whole number, 0 or more")
+        self.prepare()
+        while steps > 0:
+            now = min(steps, CHUNK)
+            _advance(self._state, self._terms, self.driving.drive(self.time, self.step, now), now, self.step)
+            self.time += now * self.step
+            steps -= now
+            self.check()
+
+    def check(self, step: float | None = None) -> None:
+        """Raise Unstable where the lattice has blown up, with steps (s) of its own by default."""
+        fastest, step = _fastest(self._state), self.step if step is None else step
+        if not fastest * step <= 0.5 * self.spacing:
+            row = int(np.argmax(np.nan_to_num(np.abs(self._state.velocity).max(axis=0), nan=np.inf)))
+            raise Unstable(
+                f"the particle at {np.array2string(self.reference[row], precision=4)} m moves by more than half a spacing in a step at "
+                f"t = {self.time:.6g} s; the step is {step / self.critical_step:.2f} of the critical one"
+            )
+
+    def prepare(self) -> None:
+        """Forces for the state of now, where something has changed since the last step; energies count from there."""
+        if self._ready:
+            return
+        self.driving.arrange(self.free)
+        before = None if self.time == 0.0 else self._account()[1]
+        drive = self.driving.drive(self.time - self.step, self.step, 1)
+        _evaluate(self._state, self._terms, drive, 0, self.step, 0.0)
+        self._ready = True
+        self._base = self._account()[1] - (0.0 if before is None else before - self._base)
+
+    # energies
+
+    def kinetic_energy(self) -> float:
+        """1/2 m v^2 in J."""
+        return float(0.5 * np.einsum("an,an,n->", self._state.velocity, self._state.velocity, self.mass * self.free))
+
+    def _account(self) -> tuple[float, float]:
+        """Elastic energy, and the energy in the middle of the coming step with what has been lost, less what was put in (J)."""
+        state = self._state
+        kept = state.force.copy()
+        elastic = float(_elastic(state, self._terms))
+        middle = elastic + ahead(state, kept, self.step)
+        state.force[:] = kept
+        sums = state.sums
+        return elastic, middle + sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] - sums[EXTERNAL] - sums[HELD]
+
+    def energies(self) -> dict[str, float]:
+        """Energy terms in J; `balance` is the error of the account (see `particles.lattice.motion`)."""
+        self.prepare()
+        state = self._state
+        elastic, account = self._account()
+        return {
+            "kinetic": self.kinetic_energy(), "elastic": elastic, "breaking": float(state.sums[BREAKING]),
+            "local_damping": float(state.sums[DAMPING]), "absorbed": float(state.sums[ABSORBED]),
+            "external_work": float(state.sums[EXTERNAL]), "held_work": float(state.sums[HELD]),
+            "broken_bonds": float(state.sums[BROKEN_BONDS]), "balance": account - self._base,
+        }  # fmt: skip

@@ -1,0 +1,217 @@
+"""Explicit central difference of a lattice as building blocks for jitted loops.
+
+A run of steps of size h is a `kick` of half a step with a drift, then for every step `evaluate` and a `kick` with a drift (more
+steps follow) or of half a step (the last one). After a drift displacements are at the new time and velocities in the middle of
+the step; in the end both are of the same time. Sums grow by h v.X at each evaluation of a force X, with v the mean of the velocities before and after it: together
+with the kinetic energy in the middle of the step, and E - h/2 v.F for an elastic energy, the balance closes to rounding where the
+energy is quadratic.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from particles.lattice.breaking import break_bonds
+from particles.lattice.general import elastic_energy, force_special, moment_of, spread_moment, strain_special
+from particles.lattice.regular import force_cubic, force_hexagonal, strain_cubic, strain_hexagonal
+from particles.lattice.state import (
+    ABSORBED,
+    BREAKING,
+    DAMPING,
+    EXTERNAL,
+    FORCE_RUNS,
+    FORCE_SPECIAL,
+    HELD,
+    MOVING_RUNS,
+    STRAIN_RUNS,
+    STRAIN_SPECIAL,
+)  # fmt: skip
+from particles.system import KERNEL, OUTER, STEADY, STEPS
+
+STEADY_STEPS = {**STEPS, "fastmath": STEADY}
+
+
+@njit(**KERNEL)
+def strains(state, terms, plane):
+    """Strains of all rows that need one."""
+    u, e = state.displacement, state.strain
+    for q in range(state.counts[STRAIN_RUNS]):
+        first, count = state.strain_runs[q, 0], state.strain_runs[q, 1]
+        if plane is None:
+            strain_cubic(first, count, state.near[first], terms.spacing, u[0], u[1], u[2], e[0], e[1], e[2], e[3], e[4], e[5])
+        else:
+            strain_hexagonal(first, count, state.near[first], terms.spacing, u[0], u[1], e[0], e[1], e[5])
+    for q in range(state.counts[STRAIN_SPECIAL]):
+        strain_special(state, terms, state.rotation, state.strain_special[q])
+
+
+@njit(**KERNEL)
+def bond_forces(state, terms, moment, plane):
+    """Forces of all explicit bonds, written into `force`."""
+    u, e, f = state.displacement, state.strain, state.force
+    if moment is not None:
+        variational_forces(state, terms, moment)
+        return
+    for q in range(state.counts[FORCE_RUNS]):
+        first, count = state.force_runs[q, 0], state.force_runs[q, 1]
+        kind = state.material[first]
+        if plane is None:
+            force_cubic(
+                first, count, state.near[first], terms.spacing, terms.normal[kind], terms.shear[kind], u[0], u[1], u[2],
+                e[0], e[1], e[2], e[3], e[4], e[5], f[0], f[1], f[2],
+            )  # fmt: skip
+        else:
+            force_hexagonal(
+                first, count, state.near[first], terms.spacing, terms.normal[kind], terms.shear[kind], u[0], u[1],
+                e[0], e[1], e[5], f[0], f[1],
+            )  # fmt: skip
+    for q in range(state.counts[FORCE_SPECIAL]):
+        i = state.force_special[q]
+        f[0, i] = f[1, i] = f[2, i] = 0.0
+        force_special(state, terms, moment, state.rotation, i)
+
+
+@njit(**KERNEL)
+def variational_forces(state, terms, moment):
+    """Forces that are the gradient of the energy; all rows are special."""
+    f = state.force
+    for i in range(f.shape[1]):
+        f[0, i] = f[1, i] = f[2, i] = 0.0
+    for q in range(state.counts[FORCE_SPECIAL]):
+        i = state.force_special[q]
+        force_special(state, terms, moment, state.rotation, i)
+        moment_of(state, terms, moment, i)
+    for q in range(state.counts[FORCE_SPECIAL]):
+        spread_moment(state, terms, moment, state.force_special[q])
+
+
+@njit(**KERNEL)
+def act(points, damping, drive, s, h, booked):
+    """Loads, dashpots, damping and held components of the evaluation after step s; their work where `booked` is 1, not 0.
+
+    `points` are the particles of a lattice, or anything else with displacement, velocity, force, lightness and moving runs.
+    """
+    v, f, sums = points.velocity, points.force, points.sums
+    for q in range(len(drive.loaded)):
+        i, factor = drive.loaded[q], drive.load_factor[s, drive.load_group[q]]
+        for a in range(3):
+            f[a, i] += factor * drive.load[q, a]
+    for q in range(len(drive.absorbing)):
+        i = drive.absorbing[q]
+        by = 0.5 * h * points.lightness[i]
+        for a in range(3):
+            c = drive.dashpot[q, a]
+            f[a, i] -= c * (v[a, i] + by * f[a, i]) / (1.0 + by * c)
+    if damping is not None:
+        sums[DAMPING] += booked * damp(points, damping, h)
+    for q in range(len(drive.held)):
+        i, a = drive.held[q], drive.held_axis[q]
+        wanted = drive.held_velocity[s, drive.held_group[q]]
+        needed = (wanted - v[a, i]) / (h * points.lightness[i])
+        sums[HELD] += booked * 0.5 * h * (v[a, i] + wanted) * (needed - f[a, i])
+        f[a, i] = needed
+    for q in range(len(drive.loaded)):
+        i, factor = drive.loaded[q], drive.load_factor[s, drive.load_group[q]]
+        by = 0.5 * h * points.lightness[i]
+        for a in range(3):
+            sums[EXTERNAL] += booked * h * factor * drive.load[q, a] * (v[a, i] + by * f[a, i])
+    for q in range(len(drive.absorbing)):
+        i = drive.absorbing[q]
+        by = 0.5 * h * points.lightness[i]
+        for a in range(3):
+            sums[ABSORBED] += booked * h * drive.dashpot[q, a] * (v[a, i] + by * f[a, i]) ** 2
+
+
+@njit(**KERNEL)
+def damp(points, alpha, h):
+    """Local damping of each component,  F - alpha |F| sgn(v)  (Zhao et al. 2012, eq 26); returns the energy that it takes (J)."""
+    lost = 0.0
+    for a in range(3):
+        v, f, lightness = points.velocity[a], points.force[a], points.lightness
+        for q in range(points.counts[MOVING_RUNS]):
+            first = points.moving_runs[q, 0]
+            for i in range(first, first + points.moving_runs[q, 1]):
+                against = alpha * abs(f[i]) * ((v[i] > 0.0) - (v[i] < 0.0))
+                f[i] -= against
+                lost += against * (v[i] + 0.5 * h * lightness[i] * f[i])
+    return h * lost
+
+
+@njit(**KERNEL)
+def kick(points, by, drift):
+    """Velocities on by the forces for a time `by`, then displacements by the velocities for a time `drift`."""
+    for a in range(3):
+        u, v, f, lightness = points.displacement[a], points.velocity[a], points.force[a], points.lightness
+        for q in range(points.counts[MOVING_RUNS]):
+            first = points.moving_runs[q, 0]
+            for i in range(first, first + points.moving_runs[q, 1]):
+                v[i] += by * lightness[i] * f[i]
+                u[i] += drift * v[i]
+
+
+@njit(**OUTER)
+def forces(state, terms, h, booked):
+    """Forces of the bonds at the displacements of now, once more where bonds fail under them.
+
+    What a bond releases between evaluations is E - h/2 v.F with it, less the same without it.
+    """
+    strains(state, terms, terms.plane)
+    bond_forces(state, terms, state.moment, terms.plane)
+    if break_bonds(state, terms, terms.limits):
+        before = state.force.copy()
+        bond_forces(state, terms, state.moment, terms.plane)
+        state.sums[BREAKING] += booked * 0.5 * h * (state.velocity * (before - state.force)).sum()
+
+
+@njit(**OUTER)
+def evaluate(state, terms, drive, s, h, booked):
+    """All forces at the displacements of now."""
+    forces(state, terms, h, booked)
+    act(state, terms.damping, drive, s, h, booked)
+
+
+@njit(**OUTER)
+def advance(state, terms, drive, steps, h):
+    """Whole steps, from and to a state with displacements, velocities and forces of one time."""
+    kick(state, 0.5 * h, h)
+    for s in range(steps):
+        evaluate(state, terms, drive, s, h, 1.0)
+        if s < steps - 1:
+            kick(state, h, h)
+    kick(state, 0.5 * h, 0.0)
+
+
+@njit(**STEPS)
+def elastic(state, terms):
+    """Elastic energy (J) at the displacements of now; `force` becomes the force of the bonds alone."""
+    strains(state, terms, terms.plane)
+    bond_forces(state, terms, state.moment, terms.plane)
+    return elastic_energy(state, terms)
+
+
+@njit(**STEPS)
+def ahead(points, total, h):
+    """1/2 m v^2 - h/2 v.F (J) with the velocities that the forces `total` give in the middle of the coming step; F is `force`."""
+    energy = 0.0
+    for a in range(3):
+        for q in range(points.counts[MOVING_RUNS]):
+            first = points.moving_runs[q, 0]
+            for i in range(first, first + points.moving_runs[q, 1]):
+                v = points.velocity[a, i] + 0.5 * h * total[a, i] * points.lightness[i]
+                energy += 0.5 * v * v / points.lightness[i] - 0.5 * h * v * points.force[a, i]
+    return energy
+
+
+@njit(**STEADY_STEPS)
+def fastest(state):
+    """Largest velocity component (m/s); infinite where any is not finite."""
+    most = 0.0
+    for a in range(3):
+        for i in range(state.velocity.shape[1]):
+            if not abs(state.velocity[a, i]) <= most:
+                most = abs(state.velocity[a, i])
+                if not most <= 1e300:
+                    return math.inf
+    return most

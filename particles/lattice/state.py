@@ -1,0 +1,69 @@
+"""The lattice as the compiled loops see it: named tuples of arrays, flags of bonds and rows, places of the energy sums."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+# Bits of `State.bonds`: in the clusters of the least squares, with a force of its own, broken (compression only)
+JOINED, EXPLICIT, BROKEN = 1, 2, 4
+# Values of `State.strain_kind` and `State.force_kind`
+NONE, REGULAR, SPECIAL = 0, 1, 2
+# Lists of rows: entries of `State.counts`
+STRAIN_RUNS, STRAIN_SPECIAL, FORCE_RUNS, FORCE_SPECIAL, MOVING_RUNS = range(5)
+# Entries of `State.sums` (J), the last a number of bonds
+EXTERNAL, HELD, ABSORBED, DAMPING, BREAKING, BROKEN_BONDS = range(6)
+SUMS = 6
+
+
+class State(NamedTuple):
+    """Rows are sorted along the longest axis; `near` and `bonds` have a column for each direction of the lattice."""
+
+    displacement: Any  # (3, n), m
+    velocity: Any  # (3, n), m/s; of the middle of the step while it runs
+    force: Any  # (3, n) total of the last evaluation, N
+    lightness: Any  # (n,) 1 / mass, 1/kg
+    strain: Any  # (6, n) xx, yy, zz, yz, xz, xy
+    moment: Any  # None (pairwise) or (6, n): shear energy's derivative by the strain, J
+    rotation: Any  # None (small rotations) or (9, n): rotation of the neighbourhood, by rows
+    near: Any  # (n, directions) int32, -1 where there is no neighbour
+    bonds: Any  # (n, directions) uint8
+    follows: Any  # (n,) uint8: neighbours are the rows after those of the row before
+    material: Any  # (n,) uint8
+    strain_kind: Any  # (n,) uint8: how its strain is found
+    force_kind: Any  # (n,) uint8: how the force of its bonds is found
+    moving: Any  # (n,) uint8: 1 where the row moves by its force, 0 where its motion is given or it sleeps
+    cluster: Any  # (n, 9): inverse moments (xx, yy, zz, yz, xz, xy) in 1/m2 and mean arm of special rows
+    strain_runs: Any  # (n, 2) int32: first row and number of rows
+    strain_special: Any  # (n,) int32
+    force_runs: Any  # (n, 2) int32
+    force_special: Any  # (n,) int32
+    moving_runs: Any  # (n, 2) int32
+    counts: Any  # (5,) int64: how many of them there are
+    sums: Any  # (SUMS,)
+
+
+class Terms(NamedTuple):
+    """Constants of a lattice; None is pruned when the loops are compiled."""
+
+    spacing: float
+    vectors: Any  # (directions, 3) reference bond vectors, m
+    normal: Any  # (materials,) N/m
+    shear: Any  # (materials,) N/m
+    limits: Any  # None or (materials, 2): normal and shear deformation at which bonds break, m
+    plane: Any  # None (18 neighbours) or 1 (hexagonal)
+    damping: Any  # None or alpha, against each component of velocity
+
+
+class Drive(NamedTuple):
+    """What acts on rows from outside during some steps."""
+
+    loaded: Any  # (loads,) int32 row
+    load: Any  # (loads, 3) N
+    load_group: Any  # (loads,) int32 column of `load_factor`
+    load_factor: Any  # (steps, groups) at the time of each evaluation
+    held: Any  # (held,) int32 row
+    held_axis: Any  # (held,) int32
+    held_group: Any  # (held,) int32 column of `held_velocity`
+    held_velocity: Any  # (steps, groups) m/s, half a step after each evaluation
+    absorbing: Any  # (dashpots,) int32 row
+    dashpot: Any  # (dashpots, 3) N s/m

@@ -1,0 +1,1 @@
+"""Studies of lattice particles, manifold elements and continuum (Zhao, Khalili, Fang & Zhao 2012)."""

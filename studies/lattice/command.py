@@ -1,0 +1,80 @@
+"""The commands of these studies: one shape for all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from studies.foundation_command import unstable
+from studies.lattice import cantilever, cavern, notch, plate, tension, tunnel, wave
+from studies.options import (
+    brief,
+    click_options,
+    no_fields_option,
+    no_figures_option,
+    one_rank,
+    output_option,
+    quiet_option,
+)
+
+SOURCE = "Published: Zhao, Khalili, Fang & Zhao (2012), a coupled distinct lattice spring model."
+
+
+def make(name: str, study: Any) -> click.Command:
+    """Command of a study module with TITLE, HELP, Parameters and `carry_out`."""
+
+    def run(output: str, samples: int, no_fields: bool, no_figures: bool, quiet: bool, **values: Any) -> int:
+        """Check everything, then run; returns the exit status."""
+        if not 2 <= samples <= 100_000:
+            raise ValueError(f"samples={brief(samples)} must be between 2 and 100000")
+        p = study.Parameters(**values)
+        one_rank(name)
+
+        from bridge.output import check_folder
+
+        folder = check_folder(output)
+        from studies.lattice.common import Recorder
+
+        with Recorder(name, p, folder, samples=samples, fields=not no_fields, progress=not quiet) as recorder:
+            study.carry_out(p, recorder, figures=not no_figures)
+        summary = recorder.summary
+        if not summary["stable"]:
+            return unstable(summary["message"])
+        if not quiet:
+            click.echo(report(summary))
+            click.echo(f"results in {folder}")
+        return 0
+
+    decorators: list[Callable[[Any], Any]] = [
+        click_options(study.Parameters), output_option(name),
+        click.option("--samples", default=400, type=int, metavar="NUMBER", help="Rows of history.csv a model.  [default: 400]"),
+        no_fields_option, no_figures_option, quiet_option,
+    ]  # fmt: skip
+    for decorate in reversed(decorators):
+        run = decorate(run)
+    text = f"{study.TITLE}.\n\n{study.HELP}\n\n{SOURCE}"
+    return click.command(name, help=text, context_settings={"max_content_width": 118})(run)
+
+
+def report(summary: dict[str, Any]) -> str:
+    """Results, a line each, with the published numbers beside."""
+    lines = []
+    for name, entry in summary["results"].items():
+        value, known = entry["value"], entry["published"]
+        if isinstance(value, (int, float)):
+            beside = f"   (published {known:.4g})" if known is not None else ""
+            lines.append(f"{name:48s} {value:12.5g} {entry['unit']}{beside}")
+    lines.append(f"energy balance error {summary['energy']['balance_error']:.1e}")
+    lines.append("seconds: " + ", ".join(f"{name} {value:.1f}" for name, value in summary["seconds"].items()))
+    return "\n".join(lines)
+
+
+tension_command = make("tension", tension)
+wave_command = make("wave", wave)
+cantilever_command = make("cantilever", cantilever)
+plate_command = make("plate", plate)
+notch_command = make("notch", notch)
+cavern_command = make("cavern", cavern)
+tunnel_command = make("tunnel", tunnel)

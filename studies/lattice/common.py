@@ -1,0 +1,217 @@
+"""What these studies share: a body run to its end, with history, fields, seconds and the content of summary.json."""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bridge import output
+from bridge.manifold import PARTICLES, Manifold
+from bridge.run import Outcome, Stopwatch, run
+from particles.lattice import Lattice
+
+HEXAHEDRON = [0, 1, 3, 2, 4, 5, 7, 6]  # nodes of an element as VTK wants them
+SERIES = ("particles", "elements")
+
+
+@dataclass
+class Body:
+    """A lattice alone, or with elements over it, as one model of a run."""
+
+    name: str
+    model: Any  # Lattice or Manifold
+    follow: Callable[[], dict[str, float]]  # scalars of the history
+
+    def __post_init__(self) -> None:
+        self.step: float = self.model.step
+
+    @property
+    def lattice(self) -> Lattice:
+        """The particles."""
+        return self.model.lattice if isinstance(self.model, Manifold) else self.model
+
+    @property
+    def time(self) -> float:
+        """s."""
+        return self.model.time
+
+    def advance(self, steps: int) -> None:
+        """Go on."""
+        self.model.advance(steps)
+
+    def energies(self) -> dict[str, float]:
+        """Terms in J."""
+        return self.model.energies()
+
+    def motion(self, rows: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities (n, 3) of particles, all by default."""
+        if isinstance(self.model, Manifold):
+            return self.model.particle_motion(rows)
+        return self.model.displacement[rows], self.model.velocity[rows]
+
+    def sample(self) -> dict[str, float]:
+        """A row of the history."""
+        terms = self.energies()
+        row = {"time_s": self.time, **self.follow()}
+        row |= {f"{name}_J" if name != "broken_bonds" else "broken_bonds_1": value for name, value in terms.items()}
+        row["free_particles_1"] = float(self.lattice.free.sum())
+        return row
+
+    def balance_error(self) -> float:
+        """Energy that is not accounted for, as a share of the work done on the body."""
+        terms = self.energies()
+        work = max(abs(terms["external_work"]) + abs(terms["held_work"]), terms["kinetic"] + terms["elastic"], 1e-300)
+        return abs(terms["balance"]) / work
+
+
+class Recorder:
+    """Runs bodies one after the other and writes what they leave behind.
+
+    Args:
+        study: its name.
+        p: parameters.
+        folder: of the results.
+        samples: rows of the history a body.
+        fields: whether field files are written.
+        progress: show bars on terminals.
+    """
+
+    def __init__(self, study: str, p: Any, folder: Path, *, samples: int, fields: bool, progress: bool) -> None:
+        self.study, self.p, self.samples, self.fields, self.progress = study, p, samples, fields, progress
+        self.folder = output.prepare_folder(folder)
+        self.watch = Stopwatch()
+        self.results: dict[str, dict[str, Any]] = {}
+        self.bodies: dict[str, Body] = {}
+        self.outcomes: dict[str, Outcome] = {}
+        self.seconds: dict[str, float] = {}
+        self.particle_steps = 0.0
+        self.summary: dict[str, Any] = {}
+        self._history: output.HistoryFile | None = None
+        self._heard: list[str] = []
+
+    def __enter__(self) -> Recorder:
+        output.clear(self.folder, ("summary.json", "history.csv", *(path.name for path in self.folder.glob("*.png"))), SERIES)
+        self._catch = warnings.catch_warnings(record=True)
+        self._caught = self._catch.__enter__()
+        warnings.simplefilter("default", UserWarning)
+        return self
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        self._catch.__exit__(kind, error, trace)
+        if self._history is not None:
+            self._history.close()
+        if kind is None:
+            for one in self._caught:
+                words = str(one.message)
+                if words not in self._heard and issubclass(one.category, UserWarning):
+                    self._heard.append(words)
+            self._finish()
+
+    def build(self, make: Callable[[], Body]) -> Body:
+        """Make a body in the phase `setup`."""
+        with self.watch.phase("setup"):
+            body = make()
+        self.bodies[body.name] = body
+        return body
+
+    def run(
+        self, body: Body, steps: int, until: Callable[[dict[str, float]], bool] | None = None, frames: int = 1,
+        on_frame: Callable[[], None] | None = None,
+    ) -> Outcome:  # fmt: skip
+        """Run a body; its rows go to history.csv under its name."""
+        if self._history is None:
+            self._history = output.HistoryFile(self.folder / "history.csv")
+        history = self._history
+        with self.watch.phase("setup"):
+            body.advance(0)
+        started, free = time.perf_counter(), body.lattice.free.sum()
+        compiled = self.watch.seconds["compile"]
+        outcome = run(
+            body, steps, samples=self.samples, until=until, stopwatch=self.watch, label=body.name, progress=self.progress,
+            frames=np.unique(np.linspace(0, steps, frames + 1).astype(int)[1:]).tolist() if on_frame else (),
+            on_frame=on_frame,
+        )  # fmt: skip
+        for row in outcome.history:
+            history.write({"model": body.name, **_common(row)})
+        self.seconds[body.name] = time.perf_counter() - started - (self.watch.seconds["compile"] - compiled)
+        self.particle_steps += 0.5 * float(free + body.lattice.free.sum()) * outcome.steps
+        self.outcomes[body.name] = outcome
+        if self.fields and outcome.stable:
+            with self.watch.phase("output"):
+                write_fields(body, self.folder / "fields", body.name)
+        return outcome
+
+    def result(self, name: str, value: Any, unit: str, published: Any = None) -> None:
+        """A named number of the summary."""
+        self.results[name] = {"value": value, "unit": unit, "published": published}
+
+    def _finish(self) -> None:
+        stable = all(one.stable for one in self.outcomes.values())
+        message = next((one.message for one in self.outcomes.values() if not one.stable), "")
+        stepping = self.watch.seconds["stepping"]
+        energy = {name: body.energies() for name, body in self.bodies.items() if self.outcomes[name].stable}
+        errors = [body.balance_error() for name, body in self.bodies.items() if self.outcomes[name].stable]
+        for words in self._heard:
+            print(f"Warning: {words}", file=sys.stderr)
+        first = next(iter(self.bodies.values()))
+        self.summary = {
+            "study": self.study, "method": "lattice", "seed": None, "parameters": asdict(self.p), "versions": output.versions(),
+            "ranks": 1, "threads": 1,
+            "counts": {name: _counts(body, self.outcomes[name]) for name, body in self.bodies.items()},
+            "steps": {"fine": first.step, "fine_critical": first.model.critical_step},
+            "seconds": self.watch.seconds | {"total": sum(self.watch.seconds.values())}, "seconds_by_model": self.seconds,
+            "particle_steps_per_second": self.particle_steps / stepping if stepping > 0 else 0.0,
+            "results": self.results, "energy": energy | {"balance_error": max(errors, default=0.0)},
+            "stable": stable, "message": message, "warnings": self._heard,
+        }  # fmt: skip
+        output.write_json(self.folder / "summary.json", self.summary)
+
+
+def _common(row: dict[str, float]) -> dict[str, float]:
+    """A row with the columns that bodies with and without elements share."""
+    return {"release_kinetic_J": 0.0, "release_strain_J": 0.0} | row if "release_kinetic_J" not in row else {
+        "release_kinetic_J": row["release_kinetic_J"], "release_strain_J": row["release_strain_J"],
+        **{name: value for name, value in row.items() if not name.startswith("release_")},
+    }  # fmt: skip
+
+
+def _counts(body: Body, outcome: Outcome) -> dict[str, int]:
+    counts = {"particles": int(body.lattice.free.sum()), "sites": body.lattice.count, "fine_steps": outcome.steps}
+    if isinstance(body.model, Manifold):
+        kinds = np.bincount(body.model.kind, minlength=3)
+        counts |= {"continuum_elements": int(kinds[0]), "manifold_elements": int(kinds[1]), "released": body.model.released}
+    return counts
+
+
+def write_fields(body: Body, folder: Path, name: str) -> None:
+    """Free particles and elements as they are now, for ParaView."""
+    lattice, model = body.lattice, body.model
+    moved, speed = body.motion()
+    free = lattice.free
+    if free.any():
+        data = {
+            "displacement": moved[free], "velocity": speed[free], "broken_bonds": lattice.broken()[free].astype(float),
+            "layer": lattice.layer[free].astype(float),
+        }  # fmt: skip
+        points = np.arange(int(free.sum()))[:, None]
+        output.Series(folder, f"{name}_particles").write(body.time, lattice.reference[free], ("vertex", points), data)
+    if isinstance(model, Manifold):
+        there = np.flatnonzero(model.kind != PARTICLES)
+        if len(there):
+            cells = model.grid.nodes[there][:, HEXAHEDRON]
+            output.Series(folder, f"{name}_elements").write(
+                body.time, model.node_reference, ("hexahedron", cells), {"displacement": model.displacement, "velocity": model.velocity},
+                {"kind": model.kind[there].astype(float)},
+            )  # fmt: skip
+
+
+def at_rest(tolerance: float = 1e-7) -> Callable[[dict[str, float]], bool]:
+    """Stop of a damped run: kinetic energy below a share of the elastic energy, and both set."""
+    return lambda row: row["elastic_J"] > 0 and row["kinetic_J"] < tolerance * row["elastic_J"]

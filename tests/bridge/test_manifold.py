@@ -1,0 +1,220 @@
+"""Particle-based manifold elements beside particles and continuum, and their release (Zhao et al. 2012, section 3)."""
+
+import math
+
+import numpy as np
+import pytest
+
+from bridge.manifold import CONTINUUM, MANIFOLD, PARTICLES, Manifold, principal, ultimate_strain
+from continuum import bricks
+from meshes import Box, packings
+from particles.lattice import Lattice, LatticeMaterial
+
+ROCK = LatticeMaterial(12.5e9, 0.2, 2650.0)
+
+
+def lattice(size, material=ROCK, **options):
+    return Lattice(packings.simple_cubic(Box((0, 0, 0), size), 0.5), 1.0, material, **options)
+
+
+def layers(below):
+    """Elements whose centre lies below a level."""
+    return lambda x: x[:, 2] < below
+
+
+def inner_element(per_element, material=ROCK):
+    """Stiffness of a manifold element with neighbours on all sides, and of the brick of the material."""
+    body = Manifold(lattice((3 * per_element,) * 3, material), per_element, continuum=False)
+    middle = int(np.argmin(np.abs(body.centres - body.centres.mean(axis=0)).sum(axis=1)))
+    found = body._elements.stiffness[body._elements.kind[middle]]
+    return found, bricks.stiffness(body.size, material.young_modulus, material.poisson_ratio), body
+
+
+@pytest.mark.filterwarnings("ignore:poisson_ratio")
+@pytest.mark.parametrize("per_element", [1, 2, 5])
+@pytest.mark.parametrize("poisson_ratio", [0.2, 0.3])
+def test_a_manifold_element_has_the_energy_of_hex8_in_uniform_strain(per_element, poisson_ratio):
+    own, wanted, body = inner_element(per_element, LatticeMaterial(12.5e9, poisson_ratio, 2650.0))
+    corners = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]) * body.size
+    for gradient in np.random.default_rng(1).standard_normal((4, 3, 3)):
+        u = (corners @ gradient.T).ravel()
+        assert u @ own @ u == pytest.approx(u @ wanted @ u, rel=1e-12)
+    values = np.linalg.eigvalsh(own)
+    assert np.sum(np.abs(values) < 1e-10 * values[-1]) == 6
+
+
+@pytest.mark.filterwarnings("ignore:poisson_ratio")
+@pytest.mark.parametrize("poisson_ratio, low, high", [(0.2, 0.976, 1.033), (0.3, 0.936, 1.050)])
+def test_its_other_modes_differ_little(poisson_ratio, low, high):
+    """With five particles along an edge; the difference falls with the square of their number."""
+    material = LatticeMaterial(12.5e9, poisson_ratio, 2650.0)
+    ratios = {}
+    for per_element in (5, 10):
+        own, wanted, _ = inner_element(per_element, material)
+        values, modes = np.linalg.eigh(wanted)
+        basis = modes[:, values > 1e-9 * values[-1]]
+        whitened = basis / np.sqrt(values[values > 1e-9 * values[-1]])
+        ratios[per_element] = np.linalg.eigvalsh(whitened.T @ own @ whitened)
+    assert ratios[5].min() == pytest.approx(low, abs=2e-3) and ratios[5].max() == pytest.approx(high, abs=2e-3)
+    assert np.abs(ratios[10] - 1).max() == pytest.approx(0.25 * np.abs(ratios[5] - 1).max(), rel=0.1)
+
+
+@pytest.mark.parametrize("continuum", [True, False])
+def test_patch_test_across_all_layers(continuum):
+    """Normal strains and shear along the interface: no force inside, 1e-12. Shear across it: the shear force of a published bond
+    has a moment, an element's strain has none; up to 2 % of the traction are left at five particles an element."""
+    n = 5
+    body = Manifold(lattice((5 * n, 5 * n, 6 * n)), n, free=layers(2 * n), continuum=continuum)
+    for gradient, most in (
+        (np.diag([1, -2, 3]) * 1e-4, 1e-12), (np.array([[0, 1, 0], [1, 0, 0], [0, 0, 0]]) * 1e-4, 1e-12),
+        (np.array([[0, 0, 1], [0, 0, 0], [1, 0, 0]]) * 1e-4, 0.02),
+    ):  # fmt: skip
+        body.set_motion(lambda x: x @ gradient.T)
+        body.prepare()
+        x, force = body.node_reference, body._nodes.force.T
+        inner = np.all((x > n + 1) & (x < (3 * n + 1, 3 * n + 1, 4 * n + 1)), axis=1) & body.alive
+        assert inner.sum() > 8 and np.abs(force[inner]).max() < most * np.abs(force).max()
+        x, force = body.lattice.reference, body.lattice._state.force.T
+        inner = np.all((x > 2) & (x < 5 * n - 2), axis=1) & body.lattice.free
+        assert np.abs(force[inner]).max() < 1e-12 * np.abs(force).max()
+
+
+def test_elements_left_to_particles_altogether_are_the_lattice():
+    """Every bond explicit: the same forces and, after steps, the same motion as the lattice alone."""
+    motion = 1e-3 * np.random.default_rng(2).standard_normal((6 * 6 * 9, 3))
+    alone, body = lattice((6, 6, 9)), Manifold(lattice((6, 6, 9)), 3, free=layers(99))
+    alone.velocity, body.lattice.velocity = motion, motion
+    alone.advance(40)
+    body.advance(40)
+    assert np.abs(alone.displacement - body.lattice.displacement).max() < 1e-12 * np.abs(alone.displacement).max()
+
+
+def shaken(**options):
+    body = Manifold(lattice((10, 10, 25), force="variational"), 5, free=layers(5), **options)
+    body.set_motion(velocity=lambda x: 1e-3 * np.sin(0.3 * x[:, [1, 2, 0]]))
+    return body
+
+
+def test_energy_is_kept_to_rounding_and_a_release_is_booked():
+    body = shaken()
+    body.hold(layers(0.6), "xy", lambda t: 1e-3 * math.sin(4e3 * t))
+    body.lattice.load(lambda x: x[:, 2] > 24, (0, 0, 1e3), lambda t: math.cos(2e3 * t))
+    body.advance(150)
+    given = body.energies()
+    body.release(np.flatnonzero(body.kind == MANIFOLD))
+    assert body.released == 4
+    body.advance(150)
+    energy = body.energies()
+    assert energy["release_kinetic"] > 0
+    size = energy["kinetic"] + energy["elastic"]
+    assert abs(given["balance"]) < 1e-12 * size and abs(energy["balance"]) < 1e-12 * size
+    assert abs(energy["release_kinetic"]) + abs(energy["release_strain"]) < 0.1 * size
+
+
+def test_momentum_is_kept_exactly_by_releases():
+    body = shaken()
+    for _ in range(3):
+        body.advance(20)
+        before = body.momentum()
+        mass = body.node_mass.sum() + body.lattice.mass[body.lattice.free].sum()
+        body.release(np.flatnonzero(body.kind == MANIFOLD)[:3])
+        assert np.abs(body.momentum() - before).max() < 1e-14 * np.abs(before).max() * 10
+        assert body.node_mass.sum() + body.lattice.mass[body.lattice.free].sum() == pytest.approx(mass, rel=1e-13)
+
+
+@pytest.mark.parametrize("width", [1, 2])
+def test_a_manifold_layer_stays_between_particles_and_continuum(width):
+    body = Manifold(lattice((20, 20, 20)), 2, free=Box((0, 0, 0), (4, 4, 4)), layers=width)
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        manifold = np.flatnonzero(body.kind == MANIFOLD)
+        body.release(rng.choice(manifold, 4, replace=False))
+        near = np.flatnonzero(body.kind == PARTICLES)
+        for _ in range(width):
+            near = body.grid.around(near)
+        assert not np.any(body.kind[near] == CONTINUUM)
+    assert np.any(body.kind == CONTINUUM)
+
+
+def test_releasing_one_after_the_other_gives_the_body_that_is_released_at_once():
+    """The order of releases at rest leaves no trace in stiffness and masses."""
+    bodies = [Manifold(lattice((12, 12, 12)), 3, free=Box((0, 0, 0), (3, 3, 3))) for _ in range(2)]
+    chosen = np.flatnonzero(bodies[0].kind == MANIFOLD)[:6]
+    bodies[0].release(chosen)
+    for element in chosen[::-1]:
+        bodies[1].release(np.array([element]))
+    motion = np.random.default_rng(4).standard_normal((3, 3, 3))
+    for body in bodies:
+        body.set_motion(lambda x: np.sin(x @ motion[0]) @ motion[1])
+        body.prepare()
+    one, two = bodies
+    assert np.array_equal(one.kind, two.kind)
+    assert np.abs(one.node_mass - two.node_mass).max() < 1e-13 * one.node_mass.max()
+    assert np.abs(one._nodes.force - two._nodes.force).max() < 1e-12 * np.abs(one._nodes.force).max()
+    assert np.abs(one.lattice._state.force - two.lattice._state.force).max() < 1e-12 * np.abs(one.lattice._state.force).max()
+
+
+def test_a_long_pulse_passes_all_layers():
+    """One column that repeats: of a pulse of ten elements' length less than 2 % come back, what elements of this size reflect anyway."""
+    n, length = 4, 400
+    body = Manifold(lattice((4, 4, length), periodic="xy"), n, free=layers(length / 2))
+    body.hold(lambda x: x[:, 2] > -1, "xy")
+    period = 10 * n / ROCK.wave_speed
+    body.hold(layers(0.6), "z", lambda t: math.sin(math.pi * t / period) ** 2 if t < period else 0.0)
+    body.advance(int((length / 2 + 2.5 * 10 * n) / ROCK.wave_speed / body.step))
+    z, v = body.lattice.reference[:, 2], body.particle_motion()[1][:, 2]
+    assert np.abs(v[z > length / 2]).max() == pytest.approx(1.0, abs=0.03)
+    assert np.abs(v[z < length / 2 - 10]).max() < 0.02
+
+
+def test_one_repeating_layer_is_plane_strain():
+    """Elements of one layer, no motion across: the same displacements in a uniform load as the isotropic body in plane strain."""
+    body = Manifold(lattice((24, 24, 1), periodic="z", local_damping=0.8), (4, 4, 1))
+    body.hold(lambda x: x[:, 2] > -9, "z")
+    body.hold(lambda x: x[:, 1] < 0.6, "y")
+    body.hold(lambda x: x[:, 0] < 0.6, "x")
+    body.lattice.traction(lambda x: x[:, 1] > 23, (0, 1e6, 0))
+    body.advance(3000)
+    nu = ROCK.poisson_ratio
+    stretch = 1e6 * (1 - nu**2) / ROCK.young_modulus
+    moved = body.particle_motion()[0]
+    ends = body.lattice.reference[:, 1] > 23
+    assert moved[ends, 1].mean() == pytest.approx(23.5 * stretch, rel=0.02)
+    side = (body.lattice.reference[:, 0] > 23) & (body.lattice.reference[:, 1] < 22)  # the last half layer lies outside the load
+    assert moved[side, 0].mean() == pytest.approx(-23.5 * stretch * nu / (1 - nu), rel=0.02)
+
+
+def test_the_criterion_takes_the_largest_principal_strain():
+    rng = np.random.default_rng(5)
+    strain = rng.standard_normal((50, 6))
+    tensors = strain[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+    assert principal(strain) == pytest.approx(np.linalg.eigvalsh(tensors)[:, -1], rel=1e-12)
+    assert np.array_equal(ultimate_strain(2.0, 0.5)(strain), principal(strain) > 1.0)
+
+
+def test_overstrained_elements_are_released_while_the_run_goes_on():
+    """A uniform strain above the limit: one layer of manifold elements after the other, at each look at the criterion."""
+    body = Manifold(lattice((6, 6, 30)), 3, free=layers(6), release=ultimate_strain(1e-4), check_every=5)
+    body.set_motion(displacement=lambda x: x * (0, 0, 0.9e-4))
+    for looks in (1, 2):
+        body.advance(5)
+        assert body.released == 4 * looks and np.sum(body.kind == MANIFOLD) == 4
+    assert np.any(body.kind == CONTINUUM)
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: Manifold(lattice((4, 4, 4)), 0), "per_element=0"),
+        (lambda: Manifold(lattice((4, 4, 4)), 2, layers=-1), "layers=-1"),
+        (lambda: Manifold(lattice((4, 4, 5), periodic="z"), 2), "must divide the number of sites"),
+        (lambda: Manifold(lattice((4, 4, 4)), 2, free=layers(-1)), "names no particle"),
+        (lambda: Manifold(Lattice(packings.hexagonal(Box((0, 0), (4, 4)), 0.5), 1.0, ROCK), 2), "must be cubic"),
+        (lambda: ultimate_strain(-1.0), "limit=-1"),
+        (lambda: ultimate_strain(1.0, 1.5), "reduction=1.5"),
+        (lambda: Manifold(lattice((4, 4, 4)), 2).hold(layers(-5), "x"), "neither nodes nor particles"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
