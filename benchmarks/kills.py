@@ -71,7 +71,7 @@ def survive(folder, number, period, seed=0, say=lambda words: None):
             process.kill()
             at = time.time()
             kills += 1
-        if process.wait() == 0:
+        if process.wait() == 0 or (killed / "summary.json").exists():  # done, or killed when all was written
             break
         written = (killed / NAME).stat().st_mtime if (killed / NAME).exists() else 0.0
         loss = max(loss, at - max(written, first - period))  # the first is due a period after the steps began
