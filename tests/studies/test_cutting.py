@@ -13,7 +13,7 @@ from studies.cracks import fragments
 from studies.cutting import Parameters
 from studies.cutting_command import command, compared
 from studies.cutting_models import MODELS
-from studies.cutting_run import way
+from studies.cutting_run import LARGEST_ERROR, way
 
 SMALL = {
     "block": "0.12x0.08", "depth": 0.003, "region": "0.1x0.045", "overlap": 0.015, "element_size": 0.005, "arm": 0.1, "rotation": 11.0,
@@ -50,12 +50,15 @@ def test_the_wall_moves_as_the_path_says(done):
 
 
 def test_the_work_of_the_pick_is_accounted_for(done):
-    """To the square of the step and the turn of bonds; breaking and friction take what is not stored."""
+    """Bonds break and chips knock between two steps, which is booked to first order: below what the study warns of.
+
+    Without such events it closes to 1e-5, see the elastic block.
+    """
     model, outcome = done
     energies = model.energies()
     assert outcome.stable and len(model.soil.breaks) > 10
     assert energies["external_work"] == pytest.approx(model.pick.work, rel=1e-9)
-    assert abs(energies["balance"]) < 5e-3 * energies["external_work"]
+    assert abs(energies["balance"]) < LARGEST_ERROR * energies["external_work"]
     force, time = outcome.column("cutting_force_N"), outcome.column("time_s")
     steps = [way(model.p, t)[0] for t in time]  # force times way is the work
     assert np.sum(force[1:] * np.diff(steps)) == pytest.approx(model.pick.work, rel=1e-3)
@@ -79,6 +82,8 @@ def test_an_elastic_block_resists_the_pick_as_particles_alone_do():
     p = dataclasses.replace(P, strength=1e12, path=0.1)
     (one, alone), (other, both) = (cut(dataclasses.replace(p, method=method)) for method in ("dem", "overlap"))
     assert other.soil.count < 0.5 * one.soil.count
+    for model in (one, other):
+        assert abs(model.energies()["balance"]) < 1e-5 * model.pick.work
     assert both.column("work_J")[-1] == pytest.approx(alone.column("work_J")[-1], rel=0.1)
     force, expected = both.column("cutting_force_N"), alone.column("cutting_force_N")
     assert np.linalg.norm(force - expected) < 0.1 * np.linalg.norm(expected)
