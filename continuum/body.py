@@ -54,6 +54,10 @@ class Body:
     ):
         if excluded is not None and share is not None:
             raise ValueError(f"excluded={excluded} and share={share} must not be given both: leave one of them out")
+        if not hasattr(domain, "mesh"):
+            raise ValueError(f"domain={domain!r} must be a mesh with names, made by meshes.domains")
+        if not hasattr(material, "stiffness"):
+            raise ValueError(f"material={material!r} must be a material of the continuum, such as Cauchy or Cosserat")
         self.domain, self.material, self.excluded, self.share = domain, material, excluded, share
         self.mesh = domain.mesh
         self.comm = self.mesh.comm

@@ -13,7 +13,8 @@ import numpy as np
 
 
 def _positive(name: str, value: float, unit: str, zero: bool = False) -> None:
-    if not (np.isfinite(value) and (value > 0 or (zero and value == 0))):
+    number = isinstance(value, (int, float, np.number))
+    if not (number and np.isfinite(value) and (value > 0 or (zero and value == 0))):
         raise ValueError(f"{name}={value} must be {'zero or ' if zero else ''}positive ({unit})")
 
 

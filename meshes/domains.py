@@ -176,6 +176,8 @@ def read(path, comm=MPI.COMM_WORLD) -> Domain:
     position where the file does not name them. Where it holds volume elements, plane ones only name facets. ValueError with
     one sentence where the file is missing, unreadable, empty or has other elements.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise ValueError(f"mesh={path!r} must be the path of a .msh file")
     path = os.fspath(path)
     found: dict[str, dict[str, tuple[int, ...]]] = {}
 

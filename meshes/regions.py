@@ -24,7 +24,10 @@ def _points(points, axes: int) -> np.ndarray:
 
 def _vector(name: str, value, axes: tuple[int, ...] = (2, 3)) -> tuple[float, ...]:
     """Two or three finite numbers, or a ValueError that names the argument."""
-    array = np.asarray(value, dtype=float)
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
     if array.shape not in [(n,) for n in axes] or not np.all(np.isfinite(array)):
         names = " or ".join(f"{('two', 'three')[n - 2]} finite numbers {AXES[n]}" for n in axes)
         raise ValueError(f"{name}={value} must be {names} in m")

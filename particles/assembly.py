@@ -41,8 +41,15 @@ SKIN, THINNEST = 0.12, 0.01  # skin that is not given, as a share of the mean ra
 SKIN_NUMBERS = {2: 10.0, 3: 4.0}  # see `particles.motion.fitting_skin`
 
 
+def _numbers(name: str, values: Any) -> np.ndarray:
+    try:
+        return np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} of kind {type(values).__name__} must be an array of numbers") from None
+
+
 def _finite(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
-    array = np.array(values, dtype=float)
+    array = _numbers(name, values)
     if array.size == 0 and shape[0] == 0:
         array = array.reshape(shape)
     if array.shape != shape:
@@ -75,8 +82,8 @@ class Assembly:
         self, positions: Any, radii: Any, density: Any = 2600.0, law: Any = None, skin: float | None = None,
         materials: Any = None, cell: PeriodicCell | None = None,
     ) -> None:  # fmt: skip
-        count = len(positions)
-        shape = np.shape(positions)
+        positions = _numbers("positions", positions)
+        count, shape = positions.shape[0] if positions.ndim else 1, positions.shape
         self.axes = shape[1] if len(shape) == 2 and shape[1] in (2, 3) else 2
         self.freedoms = 3 * (self.axes - 1)
         if cell is not None and cell.axes != self.axes:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from studies.foundation import TITLE, Parameters
+from studies.foundation import COMPARED, TITLE, Parameters
 from studies.options import brief, check_cores, click_options, no_fields_option, no_figures_option, quiet_option
 
 HELP = f"""{TITLE}.
@@ -30,7 +30,7 @@ multiplier and respa are equally accurate; the first keeps momentum to rounding 
 @click.option(
     "--output", default="out/foundation", metavar="FOLDER", help="Folder for the results.  [default: out/foundation]"
 )
-@click.option("--samples", default=120, type=int, metavar="NUMBER", help="Rows of history.csv.  [default: 120]")
+@click.option("--samples", default=120, type=int, metavar="NUMBER", help="Rows of history.csv, at most one a coarse step.  [default: 120]")
 @click.option(
     "--frames",
     default=8,
@@ -71,7 +71,7 @@ def command(
             raise ValueError(f"{name}={brief(value)} must be between 1 and {most}")
     parameters = Parameters(**values)
     if compare:  # every method's parameters are checked before the first one runs
-        for method in ("dem", "bridging", "fem"):
+        for method in COMPARED:
             dataclasses.replace(parameters, method=method)
 
     from bridge.output import check_folder

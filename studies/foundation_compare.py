@@ -12,7 +12,7 @@ import click
 from mpi4py import MPI
 
 from bridge import output
-from studies.foundation import METHODS, Parameters
+from studies.foundation import COMPARED, Parameters
 from studies.foundation_command import unstable
 from studies.foundation_report import ROWS, number
 from studies.foundation_run import PICTURES, PUBLISHED, UNITS, Finished, carry_out, set_up
@@ -32,7 +32,7 @@ def compare_methods(p: Parameters, folder: Path, options: dict[str, Any], growth
         Exit status: 0, or 3 where a run became unstable.
     """
     comm = MPI.COMM_WORLD
-    ready = [set_up(dataclasses.replace(p, method=method), growth_test, comm) for method in METHODS]
+    ready = [set_up(dataclasses.replace(p, method=method), growth_test, comm) for method in COMPARED]
     output.prepare_folder(folder, comm)
     if comm.rank == 0:
         output.clear(folder, FILES)
@@ -77,7 +77,7 @@ def table(runs: list[Finished]) -> list[dict[str, Any]]:
     ours_beside_theirs = runs[0].parameters.is_papers_scene
     rows = []
     for name, unit in UNITS.items():
-        row: dict[str, Any] = {"quantity": name, "unit": unit} | {method: results[method][name] for method in METHODS}
+        row: dict[str, Any] = {"quantity": name, "unit": unit} | {method: results[method][name] for method in COMPARED}
         row["difference"] = _difference(row["bridging"], row["dem"])
         for method in ("dem", "bridging"):
             row[f"published_{method}"] = PUBLISHED[method].get(name) if ours_beside_theirs else None

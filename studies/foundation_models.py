@@ -168,7 +168,9 @@ class ContinuumFoundation(Foundation):
             raise ValueError(f"mesh={p.mesh} has no nodes under the plate of {p.plate_width:g} m: refine it there")
         self.body.prescribe(self.plate, "y", -p.speed)
         critical = self.body.critical_step()
-        self._plan(COARSE_RATIO * critical, critical)
+        if p.step is not None and p.step > critical:
+            raise ValueError(f"step={p.step} must be at most the continuum's critical step of {critical:.4g} s")
+        self._plan(COARSE_RATIO * critical if p.step is None else p.step, critical)
         self.step_sizes = {"coarse": self.step, "coarse_critical": critical}
         elements = comm.allreduce(len(self.body.cell_nodes))
         self.counts = {"elements": elements, "coarse_steps": self.steps}

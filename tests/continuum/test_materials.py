@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from continuum import Cauchy, Cosserat
+from continuum import Body, Cauchy, Cosserat
+from meshes import domains
 
 GOOD = dict(young_modulus=500e6, poisson_ratio=0.2, cosserat_shear=70e6, characteristic_length=0.05, density=2042.0)
 
@@ -70,3 +71,12 @@ def test_bad_moduli_are_named():
         Cosserat.from_moduli(-good.stiffness, good.couple, 2000.0)
     with pytest.raises(ValueError, match="shape"):
         Cosserat.from_moduli(np.eye(4), good.couple, 2000.0)
+
+
+def test_bodies_of_something_else_are_refused_by_name():
+    with pytest.raises(ValueError, match="^young_modulus=soft"):
+        Cosserat("soft", 0.2, 2000.0, 1e6, 0.05)
+    with pytest.raises(ValueError, match="^domain=None"):
+        Body(None, None)
+    with pytest.raises(ValueError, match="^material=None"):
+        Body(domains.rectangle((0, 0), (1, 1), (1, 1)), None)

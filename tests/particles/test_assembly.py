@@ -72,3 +72,11 @@ def test_displacements_can_be_set_and_imposed_energy_is_booked():
     balance = soil.energy_balance()
     soil.velocities = 0.5 * soil.velocities
     assert soil.energy_balance() == pytest.approx(balance, abs=1e-12 * scale)
+
+
+@pytest.mark.parametrize(
+    ("positions", "radii", "word"), [("abc", 0.1, "positions of kind str"), (None, 0.1, "positions"), ([[0, 0]], "big", "radii")]
+)
+def test_what_is_no_array_of_numbers_is_refused_by_name(positions, radii, word):
+    with pytest.raises(ValueError, match=f"^{word}"):
+        Assembly(positions, radii)
