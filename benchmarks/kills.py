@@ -58,7 +58,7 @@ def first_written(folder, process):
 def survive(folder, number, period, seed=0, say=lambda words: None):
     """Kill a run `number` times, up to three periods after it began to write its first checkpoint; see `Found`."""
     draw = random.Random(seed)
-    scene = (*SCENE, "--step-ratio", 0.1 / number)  # the run takes about as long as that many kills leave it
+    scene = (*SCENE, "--step-ratio", 0.03 / number)  # so that the run outlasts the kills on a fast machine, too
     alone, killed = folder / "alone", folder / "killed"
     subprocess.run(command(*scene, "--checkpoint-every", 0, "--output", alone), cwd=ROOT, check=True)
     options: tuple = (*scene, "--output", killed)
