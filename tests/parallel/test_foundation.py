@@ -44,7 +44,7 @@ def test_only_rank_0_writes(tmp_path):
 
 
 def test_bad_input_is_refused_on_every_rank():
-    with pytest.raises(ValueError, match="no particle site"):
+    with pytest.raises(ValueError, match="region=2x0.4 holds no particle"):
         MODELS["bridging"](Parameters(radius=0.5, region="2x0.4"), Stopwatch())
     with pytest.raises(ValueError, match="critical step"):
         MODELS["dem"](Parameters(method="dem", radius=0.2, step=1.0), Stopwatch())
