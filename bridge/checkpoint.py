@@ -156,7 +156,7 @@ class Keeper:
         if self._comm.size > 1:
             found = np.array([due, asked], dtype=np.int64)
             self._comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
-            due, asked = found.tolist()
+            due, asked = bool(found[0]), int(found[1])
         if not (due or asked):
             return
         try:

@@ -43,6 +43,12 @@ class FineScale(ParticleSide):
         "kinetic", "elastic", "friction", "viscous", "contact_loss", "mass_damping", "external", "interface",
     )  # fmt: skip
 
+    _saved: Array
+    reaction: Array
+    _multiplier: Array
+    _ghost_acceleration: Array
+    _shift: Array
+
     def __init__(self, soil, ghosts, share: Array, shape: sparse.csr_matrix, step: float, mass_damping: float, gravity):
         super().__init__(soil, step, mass_damping, gravity)
         self.share = np.asarray(share)

@@ -89,7 +89,7 @@ def restore_body(body: Any, state: State) -> None:
     arrays = {name: getattr(body, name) for name in MOTION} | {"damping": motion._damping, "reaction": reaction}
     to_nodes(body.coordinates, state["nodes"], arrays)
     motion._reaction = reaction.ravel()[at]
-    *sums, motion._reference, imbalance = to_ranks(body.comm, state["sums"]).tolist()
+    *sums, motion._reference, imbalance = (float(value) for value in to_ranks(body.comm, state["sums"]))
     motion._sums = dict(zip(motion._sums, sums, strict=True))
     revision, damping, motion.mass_damping, motion._step = state["settings"].tolist()
     kept = tuple(array.copy() for array in motion._state())
@@ -144,14 +144,14 @@ def restore_coupled(coupled: Any, state: State) -> None:
     restore_body(coupled.body, state["body"])
     nodal, names = _split(rule)
     to_nodes(coupled.body.coordinates, state["nodes"], nodal)
-    for name, value in zip(names, to_ranks(comm, state["sums"]).tolist(), strict=True):
+    for name, value in zip(names, (float(value) for value in to_ranks(comm, state["sums"])), strict=True):
         if np.ndim(getattr(rule, name)):
             getattr(rule, name)[0] = value
         else:
             setattr(rule, name, value)
     places, interface = _interface(coupled)
     to_nodes(places, state["interface"], interface)
-    own, numbers = fine.own_arrays(), iter(to_ranks(comm, state["own_sums"]).tolist())
+    own, numbers = fine.own_arrays(), iter([float(value) for value in to_ranks(comm, state["own_sums"])])
     for k, array in enumerate(own):
         if array.size:
             array[:] = next(numbers) if array.shape == (1,) else state["fine"][f"array_{k}"]

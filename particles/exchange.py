@@ -185,7 +185,7 @@ class SharedAssembly:
         empty = not len(places)
         box = np.zeros((2, self.axes)) if empty else np.array([places.min(axis=0), places.max(axis=0)])
         boxes = comm.allgather((empty, box))
-        found = []
+        found: list[np.ndarray] = []
         for rank, (none, (low, high)) in enumerate(boxes):
             if rank == comm.rank or none or empty:
                 found.append(np.zeros(0, dtype=np.int64))

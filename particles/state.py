@@ -38,7 +38,7 @@ def state_of(soil: Assembly) -> State:
     found |= {
         "reference": soil._reference, "radii": soil._radii, "skin": soil.skin, "generation": soil.generation,
         "rebuilds": soil.rebuilds, "imposed": soil._imposed, "step": soil._step, "primed": _numbers(soil._primed),
-        "held": soil.held, "free": np.array([soil._held[one] for one in soil.held.tolist()]).reshape(-1, soil.freedoms),
+        "held": soil.held, "free": np.array([soil._held[int(one)] for one in soil.held]).reshape(-1, soil.freedoms),
         "breaks": soil.breaks, "walls": _walls_of(soil), "cell": None,
     }  # fmt: skip
     if soil.cell is not None:
@@ -72,7 +72,7 @@ def restore(soil: Assembly, state: State) -> None:
         soil.cell._whole[:] = state["cell"]["whole"]
     soil._system = system._replace(**changed)
     soil._breaks = [_own(state["breaks"])]
-    soil._held = dict(zip(np.asarray(state["held"]).tolist(), np.array(state["free"])))
+    soil._held = dict(zip((int(one) for one in state["held"]), np.array(state["free"])))
     soil._compose_held()
     soil._loads, soil._primed = None, _primed(state["primed"])
     for wall in soil.plates:
