@@ -9,8 +9,12 @@ ROOT = Path(__file__).resolve().parents[2]
 MPIRUN = ("mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "2", sys.executable)
 
 
+MPI = ("OMPI_", "OPAL_", "ORTE_", "PMIX", "PMI_", "PRTE_")  # a process that has initialised MPI by itself sets such variables
+SHARED_MEMORY = {"OMPI_MCA_btl": "^tcp", "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe"}
+
+
 def run(*arguments, **environment):
-    plain = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX", "PMI_"))}
+    plain = {name: value for name, value in os.environ.items() if not name.startswith(MPI)} | SHARED_MEMORY
     return subprocess.run(
         [*MPIRUN, *arguments], cwd=ROOT, env=plain | environment, capture_output=True, text=True, timeout=120, check=False
     )
