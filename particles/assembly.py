@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from particles import bonds, energies, listing, motion, network, stability
+from particles import bonds, energies, holding, listing, motion, network, stability
 from particles.cell import PeriodicCell, checked_gradient, nearest_image
 from particles.columns import aligned
 from particles.contacts import SCRATCH
@@ -16,7 +16,6 @@ from particles.motion import Unstable
 from particles.network import rows_of
 from particles.system import (
     LEAST_SKIN,
-    MASS,
     RADIUS,
     SKIN_SCALE,
     SMALLEST_RADIUS,
@@ -24,13 +23,13 @@ from particles.system import (
     TIME,
     TRAVEL,
     TRAVEL_LIMIT,
-    Held,
     System,
     Terms,
 )
 from particles.walls.history import recorded, recording
+from particles.walls.joining import check_joining
 from particles.walls.listing import arranged, driven
-from particles.walls.periodic import check_deformation, check_planes
+from particles.walls.periodic import check_deformation
 from particles.walls.servo import set_contact_constants
 from particles.walls.wall import Wall
 
@@ -110,6 +109,8 @@ class Assembly:
         self.plates: list[Wall] = []
         self.rebuilds = 0
         self._held: dict[int, np.ndarray] = {}
+        self._held_ids: np.ndarray = np.zeros(0, dtype=np.int64)  # the same as arrays, see `holding`
+        self._held_free: np.ndarray = np.zeros((0, self.freedoms))
         self._ids = np.arange(count, dtype=np.int32)  # id of each row
         self._rows = np.arange(count, dtype=np.int32)  # row of each id
         self._ghost = np.zeros(count, dtype=bool)
@@ -140,7 +141,7 @@ class Assembly:
 
         position, lightness, nimbleness = rows(), rows(), rows(space)
         position[:, : self.axes], position[:, RADIUS] = self._reference, self._radii
-        self._set_lightness(lightness, nimbleness, np.arange(count))
+        holding.set_lightness(self, lightness, nimbleness, np.arange(count))
         clock = np.zeros(7)
         clock[TRAVEL_LIMIT] = 0.5 * self.skin
         clock[SKIN_SCALE] = skin_scale
@@ -321,7 +322,7 @@ class Assembly:
         change = shares[self._rows, 1] / old
         self._masses, self._inertias = self._masses * change, self._inertias * change
         self._system = self._system._replace(share=shares)
-        self._compose_held()
+        holding.compose(self)
         self._compose_external()
         self._imposed += self._mechanical() - before
 
@@ -351,40 +352,12 @@ class Assembly:
             if components:
                 self._held[int(one)] = free
         self._primed = None
-        self._compose_held()
+        holding.compose(self)
 
     @property
     def held(self) -> np.ndarray:
         """Ids of the particles with components that are held."""
         return np.array(sorted(self._held), dtype=np.int64)
-
-    def _compose_held(self) -> None:
-        system = self._system
-        self._set_lightness(system.lightness, system.nimbleness, self._ids)
-        self._held_ids = np.fromiter(self._held, dtype=np.int64, count=len(self._held))
-        self._held_free = free = np.array(list(self._held.values())).reshape(-1, self.freedoms)
-        rows = self._rows[self._held_ids]
-        for values, part in ((system.lightness, free[:, :3]), (system.nimbleness, free[:, 3:])):
-            if values is not None:
-                values[rows, :3] *= part
-        system.acceleration[rows, :3] *= free[:, :3]
-        if system.angular is not None:
-            system.angular[rows, :3] *= free[:, 3:]
-        self._place_held()
-
-    def _place_held(self) -> None:
-        """Find the held particles in the present order of the rows."""
-        held = Held(self._rows[self._held_ids], self._held_free) if self._held else None
-        self._system = self._system._replace(held=held)
-
-    def _set_lightness(self, lightness: np.ndarray, nimbleness: np.ndarray | None, ids: np.ndarray) -> None:
-        """One over masses and inertias for rows of these ids, all free."""
-        masses, inertias = self._masses[ids], self._inertias[ids]
-        lightness[:, :3], lightness[:, MASS] = 1.0 / masses[:, None], masses
-        if nimbleness is None:
-            lightness[:, 2] = 1.0 / inertias
-        else:
-            nimbleness[:, :3], nimbleness[:, MASS] = 1.0 / inertias[:, None], inertias
 
     def deform(self, velocity_gradient: Any) -> None:
         """Deform the periodic cell at a constant velocity gradient L (axes, axes), 1/s, from now on.
@@ -476,23 +449,7 @@ class Assembly:
             ValueError: a plane that is not parallel to the edges of a periodic cell or turns, a wall that does not go with a
                 deforming cell (see `deform`), no wall, one of the wrong dimension or of another assembly, or one that is fixed to such a wall.
         """
-        for wall in walls:
-            if not isinstance(wall, Wall):
-                raise ValueError(f"wall={wall!r} must be a Wall or a Plate")
-            if wall.taken:
-                raise ValueError(f"{wall.name} belongs to an assembly already: make one wall for each")
-            if wall.axes != self.axes:
-                kinds = {2: "discs in the plane", 3: "spheres in space"}
-                raise ValueError(
-                    f"{wall.name} has points of {wall.axes} components, but the particles are {kinds[self.axes]}: make its "
-                    f"shape of points of {self.axes} components"
-                )
-            if wall.body_taken and not any(wall.is_fixed_to(other) for other in self.plates):
-                raise ValueError(f"{wall.name} is fixed to a wall of another assembly: fix it to one of this assembly")
-        if self.cell is not None:
-            check_planes(list(walls), self.cell)
-            if self.cell.velocity_gradient.any():
-                check_deformation(list(walls))
+        check_joining(walls, self.plates, self.axes, self.cell)
         every = [*self.plates, *walls]
         of_walls = [wall.laws(self._laws.pairs, self._laws.kinds) for wall in every]
         numbers = np.array([self._laws.rows(laws) for laws in of_walls])

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from particles import neighbours
+from particles import holding, neighbours
 from particles.cell import PeriodicCell, reduce_tilt
 from particles.columns import aligned
 from particles.motion import Unstable, fitting_skin
@@ -66,7 +66,7 @@ def rebuild(soil: Assembly) -> None:
     soil._system = system._replace(**changed)
     soil.rebuilds += 1
     set_contact_constants(soil)
-    soil._place_held()
+    holding.place(soil)
 
 
 def _fit_skin(soil: Assembly) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from particles import holding
 from particles.assembly import Assembly
 from particles.columns import aligned
 from particles.neighbours import ROOM
@@ -112,4 +113,4 @@ def cut(soil: Assembly, ids: np.ndarray) -> None:
         if values is not None:
             setattr(soil, name, values[ids].copy())
     soil.count, soil._system = len(rows), system._replace(**changed)
-    soil._compose_held()
+    holding.compose(soil)

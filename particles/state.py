@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from particles import holding
 from particles.columns import aligned
 from particles.walls.history import ROW
 from particles.walls.rows import NEAR
@@ -73,7 +74,7 @@ def restore(soil: Assembly, state: State) -> None:
     soil._system = system._replace(**changed)
     soil._breaks = [_own(state["breaks"])]
     soil._held = dict(zip((int(one) for one in state["held"]), np.array(state["free"])))
-    soil._compose_held()
+    holding.compose(soil)
     soil._loads, soil._primed = None, _primed(state["primed"])
     for wall in soil.plates:
         wall.has_new_load()  # the accelerations belong to the loads
