@@ -45,31 +45,32 @@ def places_of(index, at):
     return tuple(4 * int(row) for row in index[at : at + BLOCK])
 
 
-def gather(scratch, column, rows, first, second, own):
-    """Rows of BLOCK pairs to columns: four of differences (second minus first), then components of the first.
+def gather(scratch, column, rows, first, second, both, own):
+    """Rows of BLOCK pairs to columns: up to four of differences (second minus first), then components of the first.
 
     Args:
         scratch: (columns * STRIDE,).
         column: place in scratch of the first pair in the first column.
         rows: (n, 4).
         first, second: `places_of` the rows of each pair.
-        own: which components of the first row are wanted, a number with bit 2^k for component k, known when the loop is
-            compiled.
+        both, own: of which components differences, and which of the first row, are wanted: numbers with bit 2^k for
+            component k, known when the loop is compiled. Difference k goes to column k, the others follow from the fifth on.
     """
     flat = rows.reshape(-1)
     for c, (i, j) in enumerate(zip(first, second)):
-        for k in range(4):
+        for k in _members(both):
             scratch[column + k * STRIDE + c] = flat[j + k] - flat[i + k]
         for k, component in enumerate(_members(own)):
             scratch[column + (4 + k) * STRIDE + c] = flat[i + component]
 
 
-def scatter(scratch, column, rows, places, sign):
-    """Add `sign` (1 or -1, known when the loop is compiled) times three columns to the first components of the rows."""
+def scatter(scratch, column, rows, plus, minus):
+    """Add three columns to the first components of the rows at the places `plus` (or None), and take them off at `minus`."""
     flat = rows.reshape(-1)
-    for c, place in enumerate(places):
-        for k in range(3):
-            flat[place + k] += sign * scratch[column + k * STRIDE + c]
+    for sign, places in ((1.0, plus), (-1.0, minus)):
+        for c in range(0 if places is None else BLOCK):
+            for k in range(3):
+                flat[places[c] + k] += sign * scratch[column + k * STRIDE + c]
 
 
 def load_column(scratch, column, values, line, at):
@@ -154,15 +155,16 @@ def _compiled_places_of(index, at):
     return lambda index, at: _places_of(index, at)
 
 
-def _gather(own):
+def _gather(both, own):
     @intrinsic
     def move(typing_context, scratch, column, rows, first, second):
         def build(code, scratch, column, rows, first, second):
-            both = [[code.load(code.place(2, code.member(places, c))) for places in (first, second)] for c in range(BLOCK)]
-            columns = code.transposed([code.builder.fsub(j, i) for i, j in both])
-            firsts = code.transposed([i for i, _ in both])
-            columns += [firsts[component] for component in _members(own)]
-            for k, values in enumerate(columns):
+            pairs = [[code.load(code.place(2, code.member(places, c))) for places in (first, second)] for c in range(BLOCK)]
+            differences = code.transposed([code.builder.fsub(j, i) for i, j in pairs])
+            firsts = code.transposed([i for i, _ in pairs])
+            columns = [(k, differences[k]) for k in _members(both)]
+            columns += [(4 + k, firsts[component]) for k, component in enumerate(_members(own))]
+            for k, values in columns:
                 code.store(values, code.place(0, code.sum(column, k * STRIDE)))
 
         return types.void(scratch, types.int64, rows, first, second), _written(build)
@@ -170,40 +172,36 @@ def _gather(own):
     return move
 
 
-_GATHERS = {own: _gather(own) for own in range(16)}
+_GATHERS = {(both, own): _gather(both, own) for both in range(16) for own in range(16)}
 
 
 @overload(gather, prefer_literal=True)
-def _compiled_gather(scratch, column, rows, first, second, own):
-    if _is_rows(rows) and isinstance(own, types.IntegerLiteral):
-        move = _GATHERS[own.literal_value]
-        return lambda scratch, column, rows, first, second, own: move(scratch, column, rows, first, second)
+def _compiled_gather(scratch, column, rows, first, second, both, own):
+    if _is_rows(rows) and isinstance(both, types.IntegerLiteral) and isinstance(own, types.IntegerLiteral):
+        move = _GATHERS[both.literal_value, own.literal_value]
+        return lambda scratch, column, rows, first, second, both, own: move(scratch, column, rows, first, second)
 
 
-def _scatter(sign):
-    @intrinsic
-    def move(typing_context, scratch, column, rows, places):
-        def build(code, scratch, column, rows, places):
-            columns = [code.load(code.place(0, code.sum(column, k * STRIDE))) for k in range(3)]
-            columns.append(ir.Constant(_row, [0.0] * BLOCK))
-            combine = code.builder.fadd if sign > 0 else code.builder.fsub
-            for c, addend in enumerate(code.transposed(columns)):
-                place = code.place(2, code.member(places, c))
-                code.store(combine(code.load(place), addend), place)
+@intrinsic
+def _scatter(typing_context, scratch, column, rows, plus, minus):
+    def build(code, scratch, column, rows, plus, minus):
+        columns = [code.load(code.place(0, code.sum(column, k * STRIDE))) for k in range(3)]
+        columns.append(ir.Constant(_row, [0.0] * BLOCK))
+        addends = code.transposed(columns)
+        for kind, places, combine in ((signs[0], plus, code.builder.fadd), (signs[1], minus, code.builder.fsub)):
+            if not isinstance(kind, types.NoneType):
+                for c, addend in enumerate(addends):
+                    place = code.place(2, code.member(places, c))
+                    code.store(combine(code.load(place), addend), place)
 
-        return types.void(scratch, types.int64, rows, places), _written(build)
-
-    return move
-
-
-_SCATTERS = {1: _scatter(1), -1: _scatter(-1)}
+    signs = plus, minus
+    return types.void(scratch, types.int64, rows, plus, minus), _written(build)
 
 
-@overload(scatter, prefer_literal=True)
-def _compiled_scatter(scratch, column, rows, places, sign):
-    if _is_rows(rows) and isinstance(sign, types.IntegerLiteral):
-        move = _SCATTERS[sign.literal_value]
-        return lambda scratch, column, rows, places, sign: move(scratch, column, rows, places)
+@overload(scatter)
+def _compiled_scatter(scratch, column, rows, plus, minus):
+    if _is_rows(rows):
+        return lambda scratch, column, rows, plus, minus: _scatter(scratch, column, rows, plus, minus)
 
 
 def _copy(inwards):

@@ -40,17 +40,18 @@ def _gather_pairs(scratch, position, velocity, acceleration, spin, angular, visc
     """Rows of a batch to columns; the last block may reach beyond the pairs, into the room that is left for it."""
     for c in range(0, count, BLOCK):
         i, j = places_of(first, at + c), places_of(second, at + c)
-        gather(scratch, _PLACE + c, position, i, j, 0b1000)
         if spin is None:
-            gather(scratch, _MOTION + c, velocity, i, j, 0b0100)
+            gather(scratch, _PLACE + c, position, i, j, 0b1011, 0b1000)
+            gather(scratch, _MOTION + c, velocity, i, j, 0b0111, 0b0100)
             if viscous is not None:
-                gather(scratch, _CHANGE + c, acceleration, i, j, 0b0100)
+                gather(scratch, _CHANGE + c, acceleration, i, j, 0b0111, 0b0100)
         else:
-            gather(scratch, _MOTION + c, velocity, i, j, 0)
-            gather(scratch, _SPIN_MORE + c, spin, i, j, 0b0111)
+            gather(scratch, _PLACE + c, position, i, j, 0b1111, 0b1000)
+            gather(scratch, _MOTION + c, velocity, i, j, 0b0111, 0)
+            gather(scratch, _SPIN_MORE + c, spin, i, j, 0b0111, 0b0111)
             if viscous is not None:
-                gather(scratch, _CHANGE + c, acceleration, i, j, 0)
-                gather(scratch, _ANGULAR_MORE + c, angular, i, j, 0b0111)
+                gather(scratch, _CHANGE + c, acceleration, i, j, 0b0111, 0)
+                gather(scratch, _ANGULAR_MORE + c, angular, i, j, 0b0111, 0b0111)
 
 
 @njit(**INNER)
@@ -240,13 +241,13 @@ def _scatter_pairs(scratch, force, torque, first, second, at, count):
     whole = count - count % BLOCK
     for c in range(0, whole, BLOCK):
         ours, theirs = places_of(first, at + c), places_of(second, at + c)
-        scatter(scratch, _FORCE + c, force, ours, 1)
         if torque is None:
-            scatter(scratch, _OTHER + c, force, theirs, -1)
+            scatter(scratch, _FORCE + c, force, ours, None)
+            scatter(scratch, _OTHER + c, force, None, theirs)
         else:
-            scatter(scratch, _FORCE + c, force, theirs, -1)
-            scatter(scratch, _TORQUE + c, torque, ours, 1)
-            scatter(scratch, _OTHER + c, torque, theirs, 1)
+            scatter(scratch, _FORCE + c, force, ours, theirs)
+            scatter(scratch, _TORQUE + c, torque, ours, None)
+            scatter(scratch, _OTHER + c, torque, theirs, None)
     for c in range(whole, count):
         i, j = first[at + c], second[at + c]
         for k in range(3):
