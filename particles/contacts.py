@@ -116,11 +116,14 @@ def _rates_in_plane(scratch, q, viscous, half):
 
 @njit(**INLINE)
 def _rates_in_space(scratch, q, viscous, half):
+    """The same; of j by how much its spin is more."""
     if viscous is None:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    spin = moved(_triple(scratch, _SPIN + q), half, _triple(scratch, _ANGULAR + q))
-    more = moved(_triple(scratch, _SPIN_MORE + q), half, _triple(scratch, _ANGULAR_MORE + q))
-    return moved(_triple(scratch, _MOTION + q), half, _triple(scratch, _CHANGE + q)), spin, plus(spin, more)
+    return (
+        moved(_triple(scratch, _MOTION + q), half, _triple(scratch, _CHANGE + q)),
+        moved(_triple(scratch, _SPIN + q), half, _triple(scratch, _ANGULAR + q)),
+        moved(_triple(scratch, _SPIN_MORE + q), half, _triple(scratch, _ANGULAR_MORE + q)),
+    )
 
 
 @njit(**INLINE)
@@ -154,10 +157,8 @@ def _frame_in_space(scratch, q, step, image):
     branch, drift = image_in_space(image, _triple(scratch, _PLACE + q))
     if image is not None:
         store(scratch, _DRIFT + q, STRIDE, drift)
-    spin = _triple(scratch, _SPIN + q)
-    frame = frame_in_space(
-        branch, scaled(step, plus(_triple(scratch, _MOTION + q), drift)), spin, plus(spin, _triple(scratch, _SPIN_MORE + q)), step
-    )
+    travel = scaled(step, plus(_triple(scratch, _MOTION + q), drift))
+    frame = frame_in_space(branch, travel, _triple(scratch, _SPIN + q), _triple(scratch, _SPIN_MORE + q), step)
     store(scratch, _FRAME + q, STRIDE, frame)
 
 
@@ -190,11 +191,11 @@ def _in_plane(scratch, q, step, viscous, law, blank, image, shared):
 def _in_space(scratch, q, step, viscous, law, blank, image, shared):
     """The same for a pair of spheres."""
     radius = scratch[_RADIUS + q]
-    spin, drift = _triple(scratch, _SPIN + q), _drift_of(image, scratch, q)
-    rate, rate_i, rate_j = _rates_in_space(scratch, q, viscous, 0.5 * step)
+    drift = _drift_of(image, scratch, q)
+    rate, spin, faster = _rates_in_space(scratch, q, viscous, 0.5 * step)
     touch = touch_in_space(
-        load(scratch, _FRAME + q, STRIDE, SPACE), spin, plus(spin, _triple(scratch, _SPIN_MORE + q)), plus(rate, drift), rate_i, rate_j,
-        radius, radius + scratch[_PLACE + 3 * STRIDE + q], scratch[_REDUCED + q],
+        load(scratch, _FRAME + q, STRIDE, SPACE), _triple(scratch, _SPIN + q), _triple(scratch, _SPIN_MORE + q), plus(rate, drift),
+        spin, faster, radius, radius + scratch[_PLACE + 3 * STRIDE + q], scratch[_REDUCED + q],
     )  # fmt: skip
     response = respond(law, touch, load(scratch, _HISTORY + q, STRIDE, blank))
     part = _share_of(shared, scratch, q)

@@ -30,7 +30,11 @@ def compose(soil: Assembly) -> None:
 
 def place(soil: Assembly) -> None:
     """Find the held particles in the present order of the rows."""
-    held = Held(soil._rows[soil._held_ids], soil._held_free) if soil._held else None
+    held = None
+    if soil._held:
+        rows = soil._rows[soil._held_ids]
+        order = np.argsort(rows)
+        held = Held(rows[order], soil._held_free[order])
     soil._system = soil._system._replace(held=held)
 
 

@@ -16,7 +16,7 @@ from particles.system import INLINE
 from particles.vectors import cross, dot, minus, moved, plus, scaled
 
 PLANE = (0.0,) * 6  # normal; distance, one over it; half of its change in the step; angle by which the normal turned
-SPACE = (0.0,) * 14  # normals at both ends; distance, one over it, half of its change; ratios of i and j; then as `turning`
+SPACE = (0.0,) * 13  # normals at both ends; distance, one over it, half of its change; ratio of spins; then as `turning`
 
 
 @njit(**INLINE)
@@ -50,20 +50,20 @@ def tangent_ratio(square):
 
 
 @njit(**INLINE)
-def turning(tangents, old_normal, normal):
+def turning(tangents, share, old_normal, normal):
     """How tangential vectors turn with a pair, for `particles.laws.touch.carried`: about the old normal, then on with it.
 
     About the normal they turn as both bodies do in the mean: exactly so for a rigid rotation of any size, and to the second
     order in the step for any other motion.
 
     Args:
-        tangents: sum of the rotations of both bodies, each as 2 tan(|turn| / 2) / |turn| turn.
+        tangents, share: their product is the sum of the rotations of both bodies, each as 2 tan(|turn| / 2) / |turn| turn.
         old_normal, normal: at the start and at the end of the step.
 
     Returns:
         Old normal; sine and cosine of the angle about it; the new one; one over (1 + the product of the two).
     """
-    tangent = 0.125 * dot(tangents, plus(old_normal, normal))
+    tangent = 0.125 * share * dot(tangents, plus(old_normal, normal))
     square = tangent * tangent
     less = 1.0 / (1.0 + square)
     return old_normal, (2.0 * tangent * less, (1.0 - square) * less), normal, 1.0 / (1.0 + dot(old_normal, normal))
@@ -115,11 +115,17 @@ def touch_in_plane(frame, turn_i, turn_j, rates, radius_i, radius_j, mass):
 
 
 @njit(**INLINE)
-def frame_in_space(b, d, spin_i, spin_j, step):
-    """The same for two spheres, in the order of `SPACE`; vectors of three, `step` in s, spins those of its middle.
+def frame_in_space(b, d, spin_i, more, step):
+    """The same for two spheres, in the order of `SPACE`; vectors of three, `step` in s.
 
     Lengths at the start of the step come from those at its end by series in the change of the squared distance, which is
-    zero then; errors are of its fourth power. A ratio times the spin is 2 tan(|turn| / 2) / |turn| turn.
+    zero then; errors are of its fourth power.
+
+    A rotation enters as 2 tan(|turn| / 2) / |turn| turn, with which a rigid rotation of any size causes no sliding; the
+    ratio to the spin is that of the mean of both spins, of which each differs by the third order in the step.
+
+    Args:
+        spin_i, more: spin of i in the middle of the step and by how much that of j is more, rad/s.
     """
     before = minus(b, d)
     distance = math.sqrt(dot(b, b))
@@ -128,45 +134,41 @@ def frame_in_space(b, d, spin_i, spin_j, step):
     half = 0.25 * distance * change * (1.0 + change * (0.25 + change * (0.125 + 0.078125 * change)))
     inverse_before = inverse * (1.0 + change * (0.5 + change * (0.375 + change * (0.3125 + 0.2734375 * change))))
     n, n_before = scaled(inverse, b), scaled(inverse_before, before)
-    quarter = 0.25 * step * step
-    ratio_i = step * tangent_ratio(quarter * dot(spin_i, spin_i))
-    ratio_j = step * tangent_ratio(quarter * dot(spin_j, spin_j))
-    tangents = moved(scaled(ratio_i, spin_i), ratio_j, spin_j)
-    _, (sine, cosine), _, share = turning(tangents, n_before, n)
-    return (*n, *n_before, distance, inverse, half, ratio_i, ratio_j, sine, cosine, share)
+    both = plus(plus(spin_i, spin_i), more)
+    ratio = step * tangent_ratio(0.0625 * step * step * dot(both, both))
+    _, (sine, cosine), _, share = turning(both, ratio, n_before, n)
+    return (*n, *n_before, distance, inverse, half, ratio, sine, cosine, share)
 
 
 @njit(**INLINE)
-def touch_in_space(frame, middle_i, middle_j, rate, spin_i, spin_j, radius_i, radius_j, mass):
+def touch_in_space(frame, middle_i, more, rate, spin_i, faster, radius_i, radius_j, mass):
     """Touch of two spheres, all vectors of three.
-
-    Rotations enter as 2 tan(|turn| / 2) / |turn| turn, with which a rigid rotation of any size causes no sliding.
 
     Args:
         frame: of `frame_in_space`.
-        middle_i, middle_j: spins in the middle of the step, rad/s.
-        rate, spin_i, spin_j: relative velocity of j and spins of both at the end of the step.
+        middle_i, more: spin of i in the middle of the step and by how much that of j is more, rad/s.
+        rate, spin_i, faster: relative velocity of j, spin of i and by how much that of j is more, at the end of the step.
         mass: reduced mass, kg.
     """
-    x, y, z, ox, oy, oz, distance, inverse, half, ratio_i, ratio_j, sine, cosine, share = frame
+    x, y, z, ox, oy, oz, distance, inverse, half, ratio, sine, cosine, share = frame
     n, n_before = (x, y, z), (ox, oy, oz)
     overlap = radius_i + radius_j - distance
     arm_i = radius_i - 0.5 * overlap
     arm_j = distance - arm_i
     mean_i, mean_j = arm_i - 0.5 * half, arm_j - 0.5 * half
-    surface = moved(scaled(0.5 * mean_i * ratio_i, middle_i), 0.5 * mean_j * ratio_j, middle_j)
-    slide = moved(scaled(mean_i + mean_j, minus(n, n_before)), -1.0, cross(surface, plus(n, n_before)))
+    mean, halved = mean_i + mean_j, 0.5 * ratio
+    surface = moved(scaled(halved * mean, middle_i), halved * mean_j, more)
+    slide = moved(scaled(mean, minus(n, n_before)), -1.0, cross(surface, plus(n, n_before)))
     slide = moved(slide, -dot(slide, n), n)  # the mean normal leaves a little along the new one, of the step's square
-    roll = moved(scaled(ratio_i, middle_i), -ratio_j, middle_j)
+    roll = scaled(-ratio, more)
     twist = dot(roll, n)
-    relative = minus(spin_i, spin_j)
-    twist_rate = dot(relative, n)
+    twist_rate = -dot(faster, n)
     opening = dot(rate, n)
-    slide_rate = moved(moved(rate, -opening, n), -1.0, cross(moved(scaled(arm_i, spin_i), arm_j, spin_j), n))
+    slide_rate = moved(moved(rate, -opening, n), -1.0, cross(moved(scaled(distance, spin_i), arm_j, faster), n))
     strain = half * inverse
     inverse_mean = inverse * (1.0 + strain * (1.0 + strain * (1.0 + strain)))
     return Touch(
-        overlap, opening, slide, slide_rate, moved(roll, -twist, n), moved(relative, -twist_rate, n), twist, twist_rate,
+        overlap, opening, slide, slide_rate, moved(roll, -twist, n), moved(scaled(-1.0, faster), -twist_rate, n), twist, twist_rate,
         mean_i * mean_j * inverse_mean, arm_i * arm_j * inverse, n, distance, (radius_i, radius_j), mass,
         (n_before, (sine, cosine), n, share),
     )  # fmt: skip

@@ -125,22 +125,24 @@ def _load_work(sums, velocity, spin, lightness, gravity, external, step):
 
 
 @njit(**INNER)
-def _holders_power(held, velocity, force, first):
+def _holders_power(held, velocity, force, first, k, last):
+    """Power of what holds the rows below `last`, from the k-th held row on (they are in order); the number of the next."""
     power = 0.0
     if held is not None and velocity is not None:
-        for k in range(held.row.size):
+        while k < held.row.size and held.row[k] < last:
             for c in range(3):
                 if held.free[k, first + c] == 0.0:
                     power -= force[held.row[k], c] * velocity[held.row[k], c]
-    return power
+            k += 1
+    return power, k
 
 
 @njit(**MERGED)
-def _book_held(system, weight):
-    """Work of what holds components over a time `weight` (s), against the forces on them."""
-    power = _holders_power(system.held, system.velocity, system.force, 0)
-    power += _holders_power(system.held, system.spin, system.torque, 3)
-    system.sums[HELD] += weight * power
+def _book_held(system, weight, k, last):
+    """Work of what holds components of the rows below `last` over a time `weight` (s), against the forces on them."""
+    power, following = _holders_power(system.held, system.velocity, system.force, 0, k, last)
+    system.sums[HELD] += weight * (power + _holders_power(system.held, system.spin, system.torque, 3, k, last)[0])
+    return following
 
 
 # ----------------------------------------------------------------------------------------------------- building blocks
@@ -149,7 +151,9 @@ def _book_held(system, weight):
 @njit(**MERGED)
 def drift(system, terms, step):
     """First half kick and drift: velocities to the middle of the step, positions and walls to its end."""
-    _arrive(system, _drift(system, system.spin, terms, step), step, 0.5 * step)
+    fastest = _drift(system, system.spin, terms, step)
+    _book_held(system, 0.5 * step, 0, system.position.shape[0])
+    _arrive(system, fastest, step, 0.5 * step)
 
 
 @njit(**MERGED)
@@ -159,18 +163,19 @@ def _end_kick(system, terms, fastest, step, move):
         _load_work(system.sums, system.velocity, system.spin, system.lightness, terms.gravity, system.external, step)
         _arrive(system, fastest, step, step)
     else:
-        _book_held(system, 0.5 * step)
         end_walls(system.walls, 0.5 * step)
 
 
 @njit(**MERGED)
 def kick_on(system, terms, step, move):
     """`kick` (`move` = TO_END) or `kick_drift` (ONWARD)."""
-    fastest = 0.0
+    fastest, held = 0.0, 0
     count = system.position.shape[0]
     set_flow(system.flow, system.position, system.cell, system.spin)
     for a in range(0, count, BLOCK):
-        fastest = max(fastest, _kick_block(system, system.spin, terms, step, move, a, min(a + BLOCK, count)))
+        b = min(a + BLOCK, count)
+        fastest = max(fastest, _kick_block(system, system.spin, terms, step, move, a, b))
+        held = _book_held(system, 0.5 * step * (1 + move), held, b)
     _end_kick(system, terms, fastest, step, move)
 
 
@@ -182,7 +187,6 @@ def kick_drift(system, terms, step):
 
 @njit(**MERGED)
 def _arrive(system, fastest, step, weight):
-    _book_held(system, weight)
     walls = move_walls(system.walls, step, weight)
     move_cell(system.cell, step)
     system.clock[TRAVEL] += step * max(math.sqrt(fastest), walls)
@@ -197,19 +201,19 @@ def kick(system, terms, step):
 
 
 @njit(**INNER)
-def _load(force, torque, lightness, gravity, external):
-    """Set forces and torques to the loads: gravity and the caller's external forces."""
-    force[:] = 0.0
+def _load(force, torque, lightness, gravity, external, first, last):
+    """Set forces and torques of some rows to the loads: gravity and the caller's external forces."""
+    force[first:last] = 0.0
     if torque is not None:
-        torque[:] = 0.0
+        torque[first:last] = 0.0
     if gravity is not None:
-        for i in range(force.shape[0]):
+        for i in range(first, last):
             force[i, 0] = gravity[0] * lightness[i, MASS]
             force[i, 1] = gravity[1] * lightness[i, MASS]
             if torque is not None:
                 force[i, 2] = gravity[2] * lightness[i, MASS]
     if external is not None:
-        for i in range(force.shape[0]):
+        for i in range(first, last):
             for c in range(3):
                 force[i, c] += external[i, c]
                 if torque is not None:
@@ -218,11 +222,10 @@ def _load(force, torque, lightness, gravity, external):
 
 @njit(**MERGED)
 def _before_pairs(system, terms, step, halo):
-    """Loads and walls; the powers of the last evaluation."""
+    """Walls; the powers of the last evaluation."""
     sums = system.sums
     powers = sums[POWER], sums[CELL_POWER]
     sums[POWER] = sums[CELL_POWER] = 0.0
-    _load(system.force, system.torque, system.lightness, terms.gravity, system.external)
     wall_forces(system, terms, step, halo)
     start_pairs(system.scratch)
     return powers
@@ -269,6 +272,7 @@ def evaluate(system, terms, step):
 def evaluate_with(system, terms, step, border, halo):
     """`evaluate` with contacts across the borders of this rank (both None on one rank); collective."""
     exchange(halo, border, terms.viscous)
+    _load(system.force, system.torque, system.lightness, terms.gravity, system.external, 0, system.position.shape[0])
     powers = _before_pairs(system, terms, step, halo)
     _border_pairs(border, terms, step)
     pairs, image = system.start[system.position.shape[0]], image_numbers(system.cell)
@@ -282,7 +286,8 @@ def _evaluate_and_kick(system, terms, step, move, border, halo):
     """`evaluate`, then `kick` or (`move` = ONWARD) `kick_drift`, each block of rows at once when its last pair is done.
 
     Pairs go by their first row and have the larger one second, so that nothing needs a row again after its own pairs. Most of
-    the rows are still in the cache then: memory is gone through once a step, not twice.
+    the rows are still in the cache then: memory is gone through once a step, not twice. Forces and torques come set
+    to the loads (`_load`), and with `move` = ONWARD they are left so.
     """
     exchange(halo, border, terms.viscous)
     powers = _before_pairs(system, terms, step, halo)
@@ -291,7 +296,7 @@ def _evaluate_and_kick(system, terms, step, move, border, halo):
     set_flow(system.flow, system.position, system.cell, system.spin)
     count = system.position.shape[0]
     pairs, image = system.start[count], image_numbers(system.cell)
-    at, ready, done, fastest = 0, 0, 0, 0.0
+    at, ready, done, held, fastest = 0, 0, 0, 0, 0.0
     while done < count:
         if at < pairs:
             pair_batch(system, terms, step, image, at, min(WIDTH, pairs - at))
@@ -301,6 +306,9 @@ def _evaluate_and_kick(system, terms, step, move, border, halo):
         while ready - done >= BLOCK or (ready == count and done < count):
             to = min(done + BLOCK, ready)
             fastest = max(fastest, _kick_block(system, system.spin, terms, step, move, done, to))
+            held = _book_held(system, 0.5 * step * (1 + move), held, to)
+            if move == ONWARD:
+                _load(system.force, system.torque, system.lightness, terms.gravity, system.external, done, to)
             done = to
     _after_pairs(system, powers, step)
     _end_kick(system, terms, fastest, step, move)
@@ -375,6 +383,7 @@ def advance(system, terms, steps, step, resume, border, halo):
     """
     if not resume:
         drift(system, terms, step)
+    _load(system.force, system.torque, system.lightness, terms.gravity, system.external, 0, system.position.shape[0])
     done = 0
     while True:
         if highest(halo, STALE if stale(system) else FINISHED) == STALE:

@@ -141,7 +141,7 @@ def _resting_sphere(law, blank, overlap, rolling, n, distance, radius_i, radius_
     still = (0.0, 0.0, 0.0)
     touch = Touch(
         overlap, 0.0, still, still, still, still, 0.0, 0.0, rolling, rolling, n, distance, (radius_i, radius_j), 1.0,
-        turning(still, n, n),
+        turning(still, 1.0, n, n),
     )  # fmt: skip
     return respond(law, touch, load(values, k, stride, blank))
 

@@ -82,7 +82,7 @@ class Walls(NamedTuple):
 class Held(NamedTuple):
     """Rows with held components, for the work of what holds them."""
 
-    row: Any  # (held,) int32
+    row: Any  # (held,) int32, ascending
     free: Any  # (held, freedoms) float64: 0 where held, 1 where free
 
 

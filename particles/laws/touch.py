@@ -97,7 +97,8 @@ def limited(channel, old, increment, rate, normal, touching):
     """One channel: trial, return to the limit, dashpot below it (as much of it as the limit allows).
 
     Friction work is the mean force of the step times the slip. Where a spring turns round and its limit falls below the new
-    force, all in one step, that product lies between -k |increment|^2 / 8 and zero; then nothing is booked.
+    force, all in one step, that product lies between -k |increment|^2 / 8 and zero; then nothing is booked. The same is lost where
+    the contact opens, which is a limit of zero.
 
     Args:
         channel: `Channel`, or None for an absent one.
@@ -125,9 +126,8 @@ def _limited_vector(channel, old, increment, rate, normal, touching):
     kept = limit / math.sqrt(square) if slips else 1.0
     new = scaled(kept, trial)
     total, power = dashpot(channel.damping, new, trial, rate, limit, slips)
-    work = max(0.0, 0.5 * (1.0 - kept) * (dot(old, trial) + kept * square) / channel.stiffness)
-    lost = 0.5 * dot(old, old) / channel.stiffness
-    return new, total, work if touching else 0.0, power, 0.0 if touching else lost
+    given = max(0.0, 0.5 * (1.0 - kept) * (dot(old, trial) + kept * square) / channel.stiffness)
+    return new, total, given if touching else 0.0, power, 0.0 if touching else given
 
 
 def _limited_number(channel, old, increment, rate, normal, touching):
@@ -135,9 +135,8 @@ def _limited_number(channel, old, increment, rate, normal, touching):
     trial = old[0] + channel.stiffness * increment[0]
     new = min(max(trial, -limit), limit)
     total, power = dashpot(channel.damping, (new,), (trial,), rate, limit, new != trial)
-    work = max(0.0, 0.5 * (old[0] + new) * (trial - new) / channel.stiffness)
-    lost = 0.5 * old[0] * old[0] / channel.stiffness
-    return (new,), total, work if touching else 0.0, power, 0.0 if touching else lost
+    given = max(0.0, 0.5 * (old[0] + new) * (trial - new) / channel.stiffness)
+    return (new,), total, given if touching else 0.0, power, 0.0 if touching else given
 
 
 @overload(limited)

@@ -290,7 +290,7 @@ def _carrying(normal, old_normal, turn, body, owner):
     """How tangential vectors turn in the step, as for a pair."""
     cayley = row_vector(body, owner, CAYLEY)
     before = plus(old_normal, turned_by(scaled(-1.0, cayley), old_normal))
-    return turning(moved(scaled(tangent_ratio(0.25 * dot(turn, turn)), turn), 2.0, cayley), before, normal)
+    return turning(moved(scaled(tangent_ratio(0.25 * dot(turn, turn)), turn), 2.0, cayley), 1.0, before, normal)
 
 
 @njit(**INLINE)

@@ -35,7 +35,7 @@ def _carried(start, steps):
         sizes = np.linalg.norm(turns, axis=1)
         tangents = (2.0 * np.tan(0.5 * sizes) / sizes) @ turns
         before, after = (tuple(_normal(t)[0]) for t in (k * step, (k + 1) * step))
-        vector = carried(turning.py_func(tuple(tangents), before, after), vector)
+        vector = carried(turning.py_func(tuple(tangents), 1.0, before, after), vector)
     return np.array(vector)
 
 
