@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from particles import bonds, energies, holding, listing, motion, network, stability
+from particles import bonds, energies, holding, listing, motion, network, pruning, stability
 from particles.cell import PeriodicCell, checked_gradient, nearest_image
 from particles.columns import aligned
 from particles.contacts import SCRATCH
@@ -36,8 +36,7 @@ from particles.walls.wall import Wall
 _advance, _stale, _runaway = Direct(motion.advance), Direct(motion.stale), Direct(motion.runaway)
 
 WHOLE = 1e6  # share of contacts that makes those with any other particle count in full
-SKIN, THINNEST = 0.12, 0.01  # skin that is not given, as a share of the mean radius: at first, and later at least
-SKIN_NUMBERS = {2: 10.0, 3: 4.0}  # see `particles.motion.fitting_skin`
+SKIN, THINNEST = 0.12, 0.002  # skin that is not given, as a share of the mean radius: at first, and later at least
 
 
 def _numbers(name: str, values: Any) -> np.ndarray:
@@ -120,8 +119,11 @@ class Assembly:
         self._step = 0.0
         self._imposed = 0.0
         self._sorted_at: np.ndarray | None = None
+        self._outer: pruning.OuterList | None = None
+        self._mean_radius = float(mean)
         self._breaks: list[np.ndarray] = []
-        self._system = self._first_system(density, SKIN_NUMBERS[self.axes] * mean if skin is None else 0.0)
+        usual = listing.skin_scale(max(count, 1), listing.GAPS[self.axes] * max(count, 1) / mean)
+        self._system = self._first_system(density, usual if skin is None else 0.0)
         listing.rebuild(self)
         self._refuse_coincident()
         self._imposed = self._mechanical()
@@ -438,6 +440,7 @@ class Assembly:
     def set_ghosts(self, ids: Any) -> None:
         """Discs that the caller moves (see `particles.motion`): pairs of two of them are no longer listed."""
         self._ghost[:] = False
+        self._outer = None
         self._ghost[self._checked_ids(ids)] = True
         listing.rebuild(self)
         self._primed = None

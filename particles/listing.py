@@ -1,4 +1,7 @@
-"""A new neighbour list for an assembly: rows sorted by place when that has become worth it, histories carried along."""
+"""A new neighbour list for an assembly: pruned from one that reaches farther as long as that holds (`particles.pruning`).
+
+Rows are sorted by place when that has become worth it, histories carried along.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from particles import holding, neighbours
+from particles import holding, neighbours, pruning
 from particles.cell import PeriodicCell, reduce_tilt
 from particles.columns import aligned
+from particles.dispatch import Direct
 from particles.motion import Unstable, fitting_skin
-from particles.system import AGE, LEAST_SKIN, RADIUS, TRAVEL
+from particles.system import AGE, LEAST_SKIN, RADIUS, SKIN_SCALE, TRAVEL
 from particles.walls.listing import listed
 from particles.walls.periodic import listed_in_cell
 from particles.walls.servo import set_contact_constants
@@ -19,9 +23,15 @@ if TYPE_CHECKING:
     from particles.assembly import Assembly
 
 WIDEST = 0.3  # widest skin that is chosen here, as a share of the largest radius
+OUTER, OUTER_WIDEST = 10.0, 0.12  # skin of the outer list, as a multiple of the skin; but not beyond this share of the mean radius
+PRUNING, CALLING = 4.0, 15000.0  # what a pruned list costs, in steps of a pair: for each particle, and whatever their number
+GAPS = {2: 3.0, 3: 7.5}  # pairs for each particle that a skin of a radius would bring, before those of a packing are known
 _ROWS = (
     "position", "velocity", "acceleration", "force", "lightness", "rotation", "spin", "angular", "torque", "nimbleness",
 )  # fmt: skip
+
+
+_travelled = Direct(neighbours.travelled)
 
 
 def rebuild(soil: Assembly) -> None:
@@ -36,37 +46,42 @@ def rebuild(soil: Assembly) -> None:
         raise Unstable(f"particle {soil._ids[row]} has no finite position or velocity at t={soil.time:g} s")
     largest = soil._largest_radius
     _fit_skin(soil)
-    width = 2.0 * largest + soil.skin
     if soil.cell is not None:
         reduce_tilt(soil.cell)
-        check_room(soil.cell, width)
-    old_row_of = np.arange(soil.count, dtype=np.int32)
-    changed: dict[str, Any] = {}
-    if soil.count and (
-        soil._sorted_at is None or neighbours.largest_distance(system.position, soil._sorted_at[soil._ids]) > width
-    ):
-        old_row_of = _sort(soil, width, changed)
+        check_room(soil.cell, 2.0 * largest + soil.skin)
+    old_row_of, changed = None, {}
+    if not _outer_holds(soil):
+        old_row_of, changed = _search(soil)
     position = changed.get("position", system.position)
-    grid, start, first, second, history = _listed(soil, position, width, old_row_of)
-    while bonds_in(soil, history) < bonds_in(soil, system.history) and soil.skin < 2.0 * largest:
+    found = _pruned(soil, position, old_row_of)
+    while bonds_in(soil, found["history"]) < bonds_in(soil, system.history) and soil.skin < 2.0 * largest:
         # a bond must stay in the list for as long as it holds, however far it stretches (up to a diameter; and pairs of
         # two ghosts, which the caller moves, are no longer listed)
         soil._widen(1.5 * soil.skin)
-        width = 2.0 * largest + soil.skin
-        grid, start, first, second, history = _listed(soil, position, width, old_row_of)
-    changed.update(start=start, first=first, second=second, history=history, listed=position[:, :axes].copy())
+        _build_outer(soil, position)
+        found = _pruned(soil, position, old_row_of)
+    changed |= found
+    changed["listed"] = position[:, :axes].copy()
     if system.walls is not None:
+        rows_before = np.arange(soil.count, dtype=np.int32) if old_row_of is None else old_row_of
         if soil.cell is None:
-            changed["walls"] = listed(system.walls, position, axes, soil.skin, old_row_of, grid)
+            grid = neighbours.grid_of(position, 2.0 * largest + soil.skin, axes, None)
+            changed["walls"] = listed(system.walls, position, axes, soil.skin, rows_before, grid)
         else:
-            changed["walls"] = listed_in_cell(system.walls, position, axes, soil.skin, old_row_of, soil.cell)
+            changed["walls"] = listed_in_cell(system.walls, position, axes, soil.skin, rows_before, soil.cell)
     system.clock[TRAVEL] = system.clock[AGE] = 0.0
     if system.cell is not None:
         system.cell.listed[:] = system.cell.matrix
     soil._system = system._replace(**changed)
     soil.rebuilds += 1
     set_contact_constants(soil)
-    holding.place(soil)
+    if old_row_of is not None:
+        holding.place(soil)
+
+
+def skin_scale(count: int, more: float) -> float:
+    """Length (m) that `particles.motion.fitting_skin` takes, with as many pairs `more` for each metre of skin (1/m)."""
+    return 2.0 * (PRUNING * count + CALLING) / more
 
 
 def _fit_skin(soil: Assembly) -> None:
@@ -77,29 +92,71 @@ def _fit_skin(soil: Assembly) -> None:
         return
     skin = max(clock[LEAST_SKIN], min(fit, WIDEST * largest))
     if soil.cell is not None:  # which must be at least three cells of the search wide
-        widths = [neighbours.cell_width(soil.cell.arrays, int(k)) for k in np.flatnonzero(soil.cell.periodic)]
-        skin = min(skin, max(clock[LEAST_SKIN], min(widths) / 3.0 - 2.0 * largest))
+        skin = min(skin, max(clock[LEAST_SKIN], _narrowest(soil.cell) / 3.0 - 2.0 * largest))
     soil._set_skin(skin)
 
 
-def _listed(soil: Assembly, position: np.ndarray, width: float, old_row_of: np.ndarray) -> tuple[Any, ...]:
-    """Grid, start, first, second of a new list and the histories carried into it."""
-    system = soil._system
-    capacity = int(1.1 * system.first.size) + 3 * soil.count
-    grid = neighbours.grid_of(position, width, soil.axes, system.cell)
-    start, first, second = neighbours.list_pairs(
-        grid, position, position[:, RADIUS].copy(), soil._ghost[soil._ids], soil.skin, soil.axes, capacity, system.cell
+def _outer_holds(soil: Assembly) -> bool:
+    """Whether the outer list still has all pairs within the skin."""
+    outer, system = soil._outer, soil._system
+    if outer is None or outer.ids is not soil._ids or outer.skin < soil.skin:
+        return False
+    travel = _travelled(system.position, outer.places, outer.cell)
+    return bool(soil.skin + 2.0 * travel <= outer.skin)
+
+
+def _search(soil: Assembly) -> tuple[np.ndarray | None, dict[str, Any]]:
+    """A new outer list; the old row of each new one (None: as they were), and the rows' arrays if they were sorted."""
+    position, changed, old_row_of = soil._system.position, {}, None
+    width = 2.0 * soil._largest_radius + soil.skin
+    if soil.count and (
+        soil._sorted_at is None or neighbours.largest_distance(position, soil._sorted_at[soil._ids]) > width
+    ):
+        old_row_of = _sort(soil, width, changed)
+    _build_outer(soil, changed.get("position", position))
+    return old_row_of, changed
+
+
+def _build_outer(soil: Assembly, position: np.ndarray) -> None:
+    """Search all pairs within the skin of the outer list."""
+    cell, axes, largest = soil._system.cell, soil.axes, soil._largest_radius
+    skin = min(OUTER * soil.skin, OUTER_WIDEST * soil._mean_radius)
+    if soil.cell is not None:
+        skin = min(skin, _narrowest(soil.cell) / 3.0 - 2.0 * largest)
+    skin = max(skin, soil.skin)
+    grid = neighbours.grid_of(position, 2.0 * largest + skin, axes, cell)
+    start, _, second = neighbours.list_pairs(
+        grid, position, position[:, RADIUS].copy(), soil._ghost[soil._ids], skin, axes, 4 * soil.count, cell
     )
+    then = None if cell is None else cell._replace(listed=cell.matrix.copy())
+    soil._outer = pruning.OuterList(soil._ids, start, second, skin, position[:, :axes].copy(), then)
+
+
+def _pruned(soil: Assembly, position: np.ndarray, old_row_of: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Start, first, second of the new list and the histories carried into it; finds what a wider skin would bring."""
+    system, outer = soil._system, soil._outer
+    start, first, second = pruning.prune(outer.start, outer.second, position, soil.axes, soil.skin, system.cell)
     history = aligned((len(soil._laws.columns), first.size))
-    neighbours.carry_history(
-        start, second, history, system.start, system.second, system.history, old_row_of, soil._laws.signs
-    )
-    return grid, start, first, second, history
+    if old_row_of is None:
+        pruning.carry_along(pruning.match(start, second, system.start, system.second), history, system.history)
+    else:
+        neighbours.carry_history(
+            start, second, history, system.start, system.second, system.history, old_row_of, soil._laws.signs
+        )
+    if system.clock[SKIN_SCALE] and outer.skin > 2.0 * soil.skin:
+        more = (outer.start[-1] - start[-1]) / (outer.skin - soil.skin)  # pairs for each metre of skin
+        system.clock[SKIN_SCALE] = skin_scale(soil.count, max(more, soil.count / soil._mean_radius))
+    return {"start": start, "first": first, "second": second, "history": history}
 
 
 def bonds_in(soil: Assembly, history: np.ndarray) -> int:
     """Number of bonds that hold in a history (columns, pairs)."""
     return int(np.count_nonzero(history[0] > 0.5)) if soil._laws.has_bonds else 0
+
+
+def _narrowest(cell: PeriodicCell) -> float:
+    """Least width of a periodic cell along the axes that repeat, m."""
+    return min(neighbours.cell_width(cell.arrays, int(k)) for k in np.flatnonzero(cell.periodic))
 
 
 def check_room(cell: PeriodicCell, width: float) -> None:

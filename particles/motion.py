@@ -341,9 +341,9 @@ def stale(system):
 def fitting_skin(clock):
     """Skin (m) with which lists and pairs in a gap together cost least, at the speed since the list was built.
 
-    With the way v of the fastest particle in a step a list lasts s / 2v steps; it costs as much as some 15 steps of a pair for
-    each particle, and a wider skin s brings a few pairs more for each mean radius of s: the sum is least for s^2 = (number) v
-    times the radius, the number being about 10 in the plane and 4 in space. At rest, and with a skin of the caller: infinite.
+    With the way v of the fastest particle in a step a list lasts s / 2v steps; if it costs as much as c steps of a pair for
+    each particle, and a skin s brings g s pairs in a gap, the sum is least for s^2 = 2 c v / g (2 c / g: `SKIN_SCALE`, m).
+    At rest, and with a skin of the caller: infinite.
     """
     if clock[SKIN_SCALE] == 0.0 or clock[TRAVEL] == 0.0 or clock[AGE] == 0.0:
         return np.inf

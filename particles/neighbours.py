@@ -256,7 +256,7 @@ def list_pairs(grid, places, radii, ghost, skin, axes, capacity, box):
         box: None or the periodic cell.
 
     Returns:
-        start (n + 1,) int32; first and second (pairs and some room,) int32, partners second > first.
+        start (n + 1,) int32; first and second (pairs and some room,) int32, partners second > first, ascending.
     """
     count, order = places.shape[0], grid.order
     at, still = np.zeros((count, 4)), np.empty(count, dtype=np.int8)
@@ -279,7 +279,12 @@ def list_pairs(grid, places, radii, ghost, skin, axes, capacity, box):
     for a in range(count):
         for k in range(begin[a], begin[a + 1]):
             i, j = min(order[a], order[partner[k]]), max(order[a], order[partner[k]])
-            first[place[i]], second[place[i]] = i, j
+            at = place[i]  # partners in ascending order, whatever the cells were
+            while at > start[i] and second[at - 1] > j:
+                second[at] = second[at - 1]
+                at -= 1
+            second[at] = j
+            first[place[i]] = i
             place[i] += 1
     return start, first, second
 
@@ -329,7 +334,7 @@ def largest_distance(places, before):
     return np.sqrt(largest)
 
 
-@njit(**INNER)
+@njit(**STEPS)
 def travelled(position, listed, box):
     """Largest distance (m) that a particle has moved since the list was built, beyond the deformation of a periodic cell."""
     if box is None:

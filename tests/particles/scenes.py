@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from particles import Assembly, LiChu
+from particles import Assembly, LiChu, PeriodicCell
 
 PAPER = LiChu(
     normal_stiffness=2.5e8, sliding_stiffness=5e7, rolling_stiffness=1e6, moment_stiffness=7e2,
@@ -37,4 +37,23 @@ def cloud(count=60, seed=3, law=ALL, **options):
     soil = Assembly(positions, rng.uniform(0.044, 0.0465, count), law=law, **options)
     inwards = -10.0 * (positions - positions.mean(axis=0))
     soil.velocities = np.column_stack([inwards, np.zeros(count)]) + rng.normal(size=(count, 3)) * [0.4, 0.4, 10.0]
+    return soil
+
+
+def packed(shift=(0.0, 0.0), seed=1):
+    """64 unequal discs that fill a cell without walls, shaken."""
+    rng = np.random.default_rng(seed)
+    places = hexagonal_lattice(8, 8, 0.0499) + rng.uniform(-2e-4, 2e-4, (64, 2))
+    size = 16 * 0.0499, 8 * np.sqrt(3) * 0.0499
+    soil = Assembly(places + shift, rng.uniform(0.0492, 0.0505, 64), law=ALL, cell=PeriodicCell(size))
+    soil.velocities = rng.normal(size=(64, 3)) * [0.2, 0.2, 5.0]
+    return soil
+
+
+def stacked():
+    """125 unequal spheres in a cell, shaken."""
+    rng = np.random.default_rng(2)
+    grid = np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) * 0.0998
+    soil = Assembly(grid, rng.uniform(0.0492, 0.0505, 125), law=ALL, cell=PeriodicCell([5 * 0.0998] * 3))
+    soil.velocities = rng.normal(size=(125, 6)) * [0.2, 0.2, 0.2, 5.0, 5.0, 5.0]
     return soil

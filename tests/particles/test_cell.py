@@ -4,26 +4,7 @@ import numpy as np
 import pytest
 
 from particles import Assembly, PeriodicCell
-from tests.particles.scenes import ALL, hexagonal_lattice
-
-
-def packed(shift=(0.0, 0.0), seed=1):
-    """64 unequal discs that fill a cell without walls, shaken."""
-    rng = np.random.default_rng(seed)
-    places = hexagonal_lattice(8, 8, 0.0499) + rng.uniform(-2e-4, 2e-4, (64, 2))
-    size = 16 * 0.0499, 8 * np.sqrt(3) * 0.0499
-    soil = Assembly(places + shift, rng.uniform(0.0492, 0.0505, 64), law=ALL, cell=PeriodicCell(size))
-    soil.velocities = rng.normal(size=(64, 3)) * [0.2, 0.2, 5.0]
-    return soil
-
-
-def stacked():
-    """125 unequal spheres in a cell, shaken."""
-    rng = np.random.default_rng(2)
-    grid = np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) * 0.0998
-    soil = Assembly(grid, rng.uniform(0.0492, 0.0505, 125), law=ALL, cell=PeriodicCell([5 * 0.0998] * 3))
-    soil.velocities = rng.normal(size=(125, 6)) * [0.2, 0.2, 0.2, 5.0, 5.0, 5.0]
-    return soil
+from tests.particles.scenes import ALL, packed, stacked
 
 
 def test_motion_does_not_depend_on_where_the_cell_is_cut():

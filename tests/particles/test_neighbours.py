@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from particles import Assembly, LiChu, listing
+from particles.system import SKIN_SCALE
 from tests.particles import naive
-from tests.particles.scenes import ALL, PAPER, cloud, hexagonal_lattice
+from tests.particles.scenes import ALL, PAPER, cloud, hexagonal_lattice, packed, stacked
 
 
 def test_fast_loop_equals_a_plain_double_loop():
@@ -121,24 +122,76 @@ def _drifting(speed, skin=None):
 
 
 def test_skin_that_is_not_given_follows_the_speed():
-    """s^2 = 10 v r: thin where a list lasts long anyway, thicker where it is soon used up; one given by the caller stays."""
-    slow = _drifting(1e-5)
+    """s^2 = 2 c v / g: thin where a list lasts long anyway, thicker where it is soon used up; one given by the caller stays."""
+    usual = listing.skin_scale(36, 36 * listing.GAPS[2] / 0.05)
+    slow = _drifting(1e-6)
     before, skin = slow.rebuilds, slow.skin
     slow.advance(7, 1e-6)
     assert slow.rebuilds == before and slow.skin == skin
     slow.advance(124, 1e-6)
     assert slow.rebuilds == before + 1
-    assert slow.skin == pytest.approx(0.05 * np.sqrt(10.0 * 1e-5), rel=0.2)  # contacts slow the discs down meanwhile
-    fast = _drifting(5e-3)
-    fast.advance(60, 1e-6)
-    assert fast.skin == pytest.approx(0.05 * np.sqrt(10.0 * 5e-3), rel=0.2)
-    given = _drifting(1e-5, skin=0.005)
+    assert slow.skin == pytest.approx(np.sqrt(usual * 0.05 * 1e-6), rel=0.2)  # contacts slow the discs down meanwhile
+    fast = _drifting(1e-4)
+    fast.advance(700, 1e-6)
+    assert fast.skin == pytest.approx(np.sqrt(usual * 0.05 * 1e-4), rel=0.2)
+    given = _drifting(1e-6, skin=0.005)
     given.advance(131, 1e-6)
     assert given.skin == 0.005 and given.rebuilds == before
 
 
+def test_skin_is_thinner_where_a_wider_one_would_bring_more_pairs():
+    """Twice as many pairs for each metre of skin: the skin is sqrt(2) times as thin (the rest of the formula is the same)."""
+
+    def scale(gap):
+        places = np.array([[0.1 * k + gap * (k // 2), 0.0] for k in range(200)])  # pairs that touch, with a gap to the next
+        soil = Assembly(places, 0.05, law=LiChu(1e6))
+        soil._set_skin(1e-4)
+        listing.rebuild(soil)
+        return soil.system.clock[SKIN_SCALE]
+
+    beyond, within = scale(0.007), scale(0.005)  # the outer list reaches as far as 0.006 m
+    more = 99 / (0.006 - 1e-4)
+    assert beyond == pytest.approx(listing.skin_scale(200, 200 / 0.05))
+    assert within == pytest.approx(beyond * (200 / 0.05) / more)
+
+
+def _moved(soil, steps, step):
+    """Lists and histories on the way, and how many of the lists were pruned from an older one."""
+    found, old, searches = [], listing._search, []
+    listing._search = lambda soil: searches.append(1) or old(soil)
+    try:
+        for _ in range(steps):
+            soil.advance(25, step)
+            system = soil.system
+            pairs = system.start[-1]
+            found.append((system.first[:pairs].copy(), system.second[:pairs].copy(), system.history[:, :pairs].copy()))
+    finally:
+        listing._search = old
+    return found, soil.rebuilds - len(searches)
+
+
+@pytest.mark.parametrize("make", [packed, stacked])
+def test_pruned_lists_are_those_of_a_search(make, monkeypatch):
+    """The same pairs in the same order, the same histories and so the same motion to the bit, also in a shearing cell."""
+    runs = []
+    for searching in (False, True):
+        if searching:
+            monkeypatch.setattr(listing, "_outer_holds", lambda soil: False)
+        soil = make()
+        soil.system.clock[SKIN_SCALE] = 0.0  # as if the caller had given the skin
+        soil._set_skin(1e-4)
+        soil.deform(np.triu(np.full((soil.axes, soil.axes), 0.3), 1))
+        runs.append((*_moved(soil, 12, 0.1 * soil.critical_step()), soil.positions))
+    (lists, pruned, places), (others, none, same) = runs
+    assert pruned >= 5 and none <= 1
+    for one, other in zip(lists, others):
+        for a, b in zip(one, other):
+            np.testing.assert_array_equal(a, b)
+    np.testing.assert_array_equal(places, same)
+
+
 def test_motion_does_not_depend_on_the_skin_that_is_chosen():
-    own, given = _drifting(1e-4), _drifting(1e-4, skin=0.02)
+    own, given = _drifting(1e-5), _drifting(1e-5, skin=0.02)
     for soil in (own, given):
         soil.advance(700, 1e-6)
     assert own.skin < 0.5 * given.skin

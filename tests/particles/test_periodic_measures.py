@@ -7,8 +7,7 @@ import pytest
 
 from particles import Assembly, measures
 from particles.images import images_near
-from tests.particles.scenes import ALL
-from tests.particles.test_cell import packed, stacked
+from tests.particles.scenes import ALL, packed, stacked
 
 
 @dataclass
