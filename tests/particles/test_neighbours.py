@@ -170,6 +170,18 @@ def _moved(soil, steps, step):
     return found, soil.rebuilds - len(searches)
 
 
+@pytest.mark.parametrize("share", [0.3, 0.46])
+def test_outer_list_is_done_with_before_it_misses_a_pair(share):
+    """Two discs just beyond the outer skin come closer, by `share` of it each: within the skin of the list in the end."""
+    outer = 1e-3
+    soil = Assembly([[0.0, 0.0], [0.1 + 1.001 * outer, 0.0]], 0.05, law=LiChu(1e6), skin=outer / listing.OUTER)
+    assert soil._outer.skin == pytest.approx(outer) and soil._outer.start[-1] == 0
+    soil.system.position[:, 0] += outer * share * np.array([1.0, -1.0])
+    listing.rebuild(soil)
+    gap = soil.positions[1, 0] - soil.positions[0, 0] - 0.1
+    assert soil.system.start[-1] == (gap < soil.skin)
+
+
 @pytest.mark.parametrize("make", [packed, stacked])
 def test_pruned_lists_are_those_of_a_search(make, monkeypatch):
     """The same pairs in the same order, the same histories and so the same motion to the bit, also in a shearing cell."""
