@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from particles.assembly import Assembly
 
 WIDEST = 0.3  # widest skin that is chosen here, as a share of the largest radius
-OUTER, OUTER_WIDEST = 10.0, 0.12  # skin of the outer list, as a multiple of the skin; but not beyond this share of the mean radius
+OUTER, OUTER_WIDEST = 10.0, 0.45  # skin of the outer list, as a multiple of the skin; but not beyond this share of the mean radius
 PRUNING, CALLING = 4.0, 15000.0  # what a pruned list costs, in steps of a pair: for each particle, and whatever their number
 GAPS = {2: 3.0, 3: 7.5}  # pairs for each particle that a skin of a radius would bring, before those of a packing are known
 _ROWS = (
@@ -49,17 +49,20 @@ def rebuild(soil: Assembly) -> None:
     if soil.cell is not None:
         reduce_tilt(soil.cell)
         check_room(soil.cell, 2.0 * largest + soil.skin)
-    old_row_of, changed = None, {}
-    if not _outer_holds(soil):
-        old_row_of, changed = _search(soil)
+    old_row_of: np.ndarray | None = None
+    changed: dict[str, Any] = {}
+    outer = soil._outer
+    if outer is None or not _holds(outer, soil):
+        old_row_of = _sort_if_worth_it(soil, changed)
+        outer = _search(soil, changed.get("position", system.position))
     position = changed.get("position", system.position)
-    found = _pruned(soil, position, old_row_of)
+    found = _pruned(soil, outer, position, old_row_of)
     while bonds_in(soil, found["history"]) < bonds_in(soil, system.history) and soil.skin < 2.0 * largest:
         # a bond must stay in the list for as long as it holds, however far it stretches (up to a diameter; and pairs of
         # two ghosts, which the caller moves, are no longer listed)
         soil._widen(1.5 * soil.skin)
-        _build_outer(soil, position)
-        found = _pruned(soil, position, old_row_of)
+        outer = _search(soil, position)
+        found = _pruned(soil, outer, position, old_row_of)
     changed |= found
     changed["listed"] = position[:, :axes].copy()
     if system.walls is not None:
@@ -96,29 +99,26 @@ def _fit_skin(soil: Assembly) -> None:
     soil._set_skin(skin)
 
 
-def _outer_holds(soil: Assembly) -> bool:
-    """Whether the outer list still has all pairs within the skin."""
-    outer, system = soil._outer, soil._system
-    if outer is None or outer.ids is not soil._ids or outer.skin < soil.skin:
+def _holds(outer: pruning.OuterList, soil: Assembly) -> bool:
+    """Whether an outer list still has all pairs within the skin."""
+    if outer.ids is not soil._ids or outer.skin < soil.skin:
         return False
-    travel = _travelled(system.position, outer.places, outer.cell)
+    travel = _travelled(soil._system.position, outer.places, outer.cell)
     return bool(soil.skin + 2.0 * travel <= outer.skin)
 
 
-def _search(soil: Assembly) -> tuple[np.ndarray | None, dict[str, Any]]:
-    """A new outer list; the old row of each new one (None: as they were), and the rows' arrays if they were sorted."""
-    position, changed, old_row_of = soil._system.position, {}, None
-    width = 2.0 * soil._largest_radius + soil.skin
+def _sort_if_worth_it(soil: Assembly, changed: dict[str, Any]) -> np.ndarray | None:
+    """The old row of each new one, with the sorted arrays in `changed`; None where the rows stay as they are."""
+    position, width = soil._system.position, 2.0 * soil._largest_radius + soil.skin
     if soil.count and (
         soil._sorted_at is None or neighbours.largest_distance(position, soil._sorted_at[soil._ids]) > width
     ):
-        old_row_of = _sort(soil, width, changed)
-    _build_outer(soil, changed.get("position", position))
-    return old_row_of, changed
+        return _sort(soil, width, changed)
+    return None
 
 
-def _build_outer(soil: Assembly, position: np.ndarray) -> None:
-    """Search all pairs within the skin of the outer list."""
+def _search(soil: Assembly, position: np.ndarray) -> pruning.OuterList:
+    """A new outer list: all pairs within its skin."""
     cell, axes, largest = soil._system.cell, soil.axes, soil._largest_radius
     skin = min(OUTER * soil.skin, OUTER_WIDEST * soil._mean_radius)
     if soil.cell is not None:
@@ -130,11 +130,14 @@ def _build_outer(soil: Assembly, position: np.ndarray) -> None:
     )
     then = None if cell is None else cell._replace(listed=cell.matrix.copy())
     soil._outer = pruning.OuterList(soil._ids, start, second, skin, position[:, :axes].copy(), then)
+    return soil._outer
 
 
-def _pruned(soil: Assembly, position: np.ndarray, old_row_of: np.ndarray | None) -> dict[str, np.ndarray]:
+def _pruned(
+    soil: Assembly, outer: pruning.OuterList, position: np.ndarray, old_row_of: np.ndarray | None
+) -> dict[str, np.ndarray]:
     """Start, first, second of the new list and the histories carried into it; finds what a wider skin would bring."""
-    system, outer = soil._system, soil._outer
+    system = soil._system
     start, first, second = pruning.prune(outer.start, outer.second, position, soil.axes, soil.skin, system.cell)
     history = aligned((len(soil._laws.columns), first.size))
     if old_row_of is None:

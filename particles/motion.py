@@ -254,8 +254,9 @@ def _all_pairs_of(border, terms, step):
     sums[POWER] = sums[CELL_POWER] = 0.0
     start_pairs(border.scratch)
     image = image_numbers(border.cell)
-    for at in range(0, border.first.size - ROOM, WIDTH):
-        pair_batch(border, terms, step, image, at, WIDTH)
+    pairs = border.first.size - ROOM  # whole batches; a constant for their size would be compiled into slower code
+    for at in range(0, pairs, WIDTH):
+        pair_batch(border, terms, step, image, at, min(WIDTH, pairs - at))
     _after_pairs(border, powers, step)
 
 

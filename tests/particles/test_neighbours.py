@@ -123,7 +123,7 @@ def _drifting(speed, skin=None):
 
 def test_skin_that_is_not_given_follows_the_speed():
     """s^2 = 2 c v / g: thin where a list lasts long anyway, thicker where it is soon used up; one given by the caller stays."""
-    usual = listing.skin_scale(36, 36 * listing.GAPS[2] / 0.05)
+    usual = listing.skin_scale(36, 36 / 0.05)  # no pair more within the outer list: the least, one a particle and radius
     slow = _drifting(1e-6)
     before, skin = slow.rebuilds, slow.skin
     slow.advance(7, 1e-6)
@@ -140,7 +140,7 @@ def test_skin_that_is_not_given_follows_the_speed():
 
 
 def test_skin_is_thinner_where_a_wider_one_would_bring_more_pairs():
-    """Twice as many pairs for each metre of skin: the skin is sqrt(2) times as thin (the rest of the formula is the same)."""
+    """The scale goes down with the pairs that a metre more of skin would bring, but not for fewer than one a particle and radius."""
 
     def scale(gap):
         places = np.array([[0.1 * k + gap * (k // 2), 0.0] for k in range(200)])  # pairs that touch, with a gap to the next
@@ -149,16 +149,16 @@ def test_skin_is_thinner_where_a_wider_one_would_bring_more_pairs():
         listing.rebuild(soil)
         return soil.system.clock[SKIN_SCALE]
 
-    beyond, within = scale(0.007), scale(0.005)  # the outer list reaches as far as 0.006 m
-    more = 99 / (0.006 - 1e-4)
+    beyond, within = scale(0.03), scale(0.02)  # the first outer list, which still holds, reaches as far as 0.0225 m
+    more = 99 / (0.0225 - 1e-4)
     assert beyond == pytest.approx(listing.skin_scale(200, 200 / 0.05))
-    assert within == pytest.approx(beyond * (200 / 0.05) / more)
+    assert within == pytest.approx(listing.skin_scale(200, more))
 
 
 def _moved(soil, steps, step):
     """Lists and histories on the way, and how many of the lists were pruned from an older one."""
     found, old, searches = [], listing._search, []
-    listing._search = lambda soil: searches.append(1) or old(soil)
+    listing._search = lambda *scene: searches.append(1) or old(*scene)
     try:
         for _ in range(steps):
             soil.advance(25, step)
@@ -188,7 +188,7 @@ def test_pruned_lists_are_those_of_a_search(make, monkeypatch):
     runs = []
     for searching in (False, True):
         if searching:
-            monkeypatch.setattr(listing, "_outer_holds", lambda soil: False)
+            monkeypatch.setattr(listing, "_holds", lambda outer, soil: False)
         soil = make()
         soil.system.clock[SKIN_SCALE] = 0.0  # as if the caller had given the skin
         soil._set_skin(1e-4)
