@@ -61,11 +61,11 @@ def rates(scenes, steps, repeats):
 
 
 def bytes_of(soil):
-    """Bytes of all arrays per disc (pair arrays left out) and per listed pair (both lists while they are rebuilt)."""
-    system = soil.system
+    """Bytes of all arrays per disc (pair arrays left out) and per listed pair (both lists while they are rebuilt, outer list)."""
+    system, outer = soil.system, soil._outer
     pairs = int(system.start[-1])
-    per_pair = 2 * (system.first.nbytes + system.second.nbytes + system.history.nbytes) / max(pairs, 1)
-    held = [a for a in system if isinstance(a, np.ndarray)] + [a for a in vars(soil).values() if isinstance(a, np.ndarray)]
+    per_pair = (2 * (system.first.nbytes + system.second.nbytes + system.history.nbytes) + outer.second.nbytes) / max(pairs, 1)
+    held = [a for a in (*system, *vars(soil).values(), outer.start, outer.places) if isinstance(a, np.ndarray)]
     total = sum(a.nbytes for a in held) - system.first.nbytes - system.second.nbytes - system.history.nbytes
     # sorting copies state, acceleration and force
     total += max(a.nbytes for a in held)
