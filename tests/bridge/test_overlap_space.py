@@ -1,59 +1,15 @@
-"""Overlap coupling in space: spheres on lattices, tetrahedra and hexahedra.
-
-Bonds that are as stiff in shear as along the normal make every cubic lattice isotropic, with Poisson's ratio zero: the sum of
-n_i n_k over the bonds of a sphere is a multiple of the unit matrix, and sigma that multiple of the strain: also of the strain of
-a Cosserat continuum, whose Gc is then G.
-"""
+"""Overlap coupling in space: spheres on lattices, tetrahedra and hexahedra; Cosserat bodies where rotations are micro-rotations."""
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from bridge import Overlap, OverlapZone, growth
-from bridge.overlap.limit import system
-from continuum import Body, Cauchy, Cosserat
-from meshes import Box, HalfSpace, Sphere, domains, packings
-from particles import Assembly, Bonded, LiChu
+from continuum import Body, Cauchy
+from meshes import Box, Sphere, domains, packings
+from particles import Assembly, LiChu
 from tests.bridge.scenes import GRANULAR
-
-STIFFNESS, DENSITY = 1e8, 2600.0  # N/m, kg/m3 of a sphere
-BONDED = Bonded(STIFFNESS, STIFFNESS, np.inf, np.inf)
-LATTICES = {  # sites, volume of the lattice for each sphere over (2 r)^3, Young's modulus times r over the stiffness
-    "simple": (packings.simple_cubic, 1.0, 0.5),
-    "fcc": (packings.face_centred_cubic, np.sqrt(0.5), np.sqrt(2.0)),
-}
-TIES = [(constraint, rotation) for constraint in ("lagrange", "penalty") for rotation in ("free", "curl", "micro")]
-
-
-def parts(
-    lattice="simple", cell="hexahedron", *, law=BONDED, radius=0.125, faces=(1.0, 2.0), length=3.0, width=1.0, size=0.5,
-    anchor=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0), cosserat=False,
-):  # fmt: skip
-    """Spheres of a bar on the left, cells on the right; the continuum is that of the lattice (but for couples, in Cosserat's)."""
-    make, volume, modulus = LATTICES[lattice]
-    zone = OverlapZone(*(HalfSpace((x, 0.0, 0.0), (1.0, 0.0, 0.0)) for x in faces))
-    density = DENSITY * np.pi / 6.0 / volume
-    counts = round((length - faces[0]) / size), round(width / size), round(width / size)
-    domain = domains.box((faces[0], 0.0, 0.0), (length, width, width), counts, cell)
-    young_modulus = modulus * STIFFNESS / radius
-    material = Cosserat(young_modulus, 0.0, 0.5 * young_modulus, radius, density) if cosserat else Cauchy(young_modulus, 0.0, density)
-    body = Body(domain, material, "physical", radius, share=zone)
-    body.gravity(gravity)
-    soil = Assembly(make(Box((0.0, 0.0, 0.0), (faces[1], width, width)), radius, anchor=anchor), radius, DENSITY, law)
-    if isinstance(law, Bonded):
-        soil.bond(0.01)
-    return body, soil, zone
-
-
-def coupled(ratio=0.5, substeps=1, constraint="lagrange", rotation="free", mass_damping=0.0, **scene):
-    """The scene with a step that is a part of the critical ones; a Cosserat body where rotations are tied to its own."""
-    body, soil, zone = parts(**{"cosserat": rotation == "micro"} | scene)
-    ties = {"constraint": constraint, "rotation": rotation, "mass_damping": mass_damping}
-    limit = Overlap(body, soil, zone, step=1e-9, **ties).critical_step(sharp=True)
-    if substeps > 1:
-        limit = min(substeps * limit, body.critical_step("power"))
-    return Overlap(body, soil, zone, step=ratio * limit, substeps=substeps, **ties)
-
+from tests.bridge.space_scenes import BONDED, DENSITY, TIES, coupled, masses, momentum, parts, shaken
 
 STRAINS = {
     "along": np.diag([1e-4, 0.0, 0.0]),
@@ -102,16 +58,6 @@ def test_a_lattice_across_the_cells_disturbs_uniform_strain_little(strain):
     assert nodes < 5e-3 and spheres < 1e-3
 
 
-def masses(soil):
-    return np.hstack([np.repeat(soil.masses[:, None], 3, axis=1), np.repeat(soil.inertias[:, None], 3, axis=1)])
-
-
-def momentum(made):
-    """Of spheres and nodes together, kg m/s."""
-    own = made.soil.masses[:, None] * made.soil.velocities[:, :3]
-    return own.sum(axis=0) + (made.body.mass * made.body.velocity)[:, :3].sum(axis=0)
-
-
 @pytest.mark.parametrize("substeps", [1, 3])
 @pytest.mark.parametrize("constraint, rotation", TIES)
 def test_linear_momentum_is_kept(constraint, rotation, substeps):
@@ -127,49 +73,6 @@ def test_linear_momentum_is_kept(constraint, rotation, substeps):
     assert min(energies[name] for name in ("friction", "viscous", "contact_loss")) > 0.0
     assert np.abs(body.velocity).max() > 0.02 * np.abs(velocity[:, :3]).max()
     np.testing.assert_allclose(momentum(made), before, rtol=0.0, atol=1e-12 * scale)
-
-
-@pytest.mark.parametrize("cosserat", [False, True])
-@pytest.mark.parametrize("constraint, rotation", TIES)
-def test_rigid_motions_need_no_force(constraint, rotation, cosserat):
-    """The linear system has no force, and so (it is symmetric) no resultant force and moment, whatever the motion."""
-    if rotation == "micro" and not cosserat:
-        pytest.skip("a Cauchy body has no micro-rotation")
-    made = coupled(constraint=constraint, rotation=rotation, cosserat=cosserat)
-    soil, body, tied = made.soil, made.body, np.zeros((made.soil.count, 6), dtype=bool)
-    tied[made.tie.ids] = made.tie.tied
-    stiffness, mass = system(made)
-    scale = abs(stiffness).max()
-    assert abs(stiffness - stiffness.T).max() < 1e-14 * scale
-    for shift, turn in [*zip(np.eye(3), np.zeros((3, 3))), *zip(np.zeros((3, 3)), np.eye(3))]:
-        spheres, nodes = (shift + np.cross(turn, places) for places in (soil.reference, body.coordinates))
-        spheres = np.hstack([spheres, np.broadcast_to(turn, spheres.shape)])
-        nodes = np.hstack([nodes, np.broadcast_to(turn, nodes.shape)[:, : body.rotations]])
-        alone = ~tied if constraint == "lagrange" else np.ones_like(tied)
-        rigid = np.concatenate([spheres[alone], nodes.ravel()])
-        assert np.abs(stiffness @ rigid).max() < 1e-12 * scale
-    assert mass.shape == stiffness.shape
-
-
-def angular_momentum(made):
-    """Of spheres and nodes together about the origin, at their reference positions, kg m2/s."""
-    soil, body = made.soil, made.body
-    spheres, nodes = masses(soil) * soil.velocities, body.mass * body.velocity
-    swung = np.cross(soil.reference, spheres[:, :3]).sum(axis=0) + np.cross(body.coordinates, nodes[:, :3]).sum(axis=0)
-    return swung + spheres[:, 3:].sum(axis=0) + nodes[:, 3:].sum(axis=0)
-
-
-@pytest.mark.parametrize("rotation, substeps", [("micro", 1), ("micro", 3), ("curl", 1)])
-def test_angular_momentum_is_kept_to_second_order_of_the_motion(rotation, substeps):
-    """The mesh leads at reference positions, contacts act at present ones: a tenth of the motion leaves a hundredth of the error."""
-    lost = []
-    for speed in (1e-2, 1e-3):
-        made = shaken(rotation=rotation, substeps=substeps, speed=speed, cosserat=True)
-        before = angular_momentum(made)
-        made.advance(100)
-        assert np.abs(made.soil.velocities[:, 3:]).max() > 0.1 * speed
-        lost.append(np.abs(angular_momentum(made) - before).max() / np.abs(before).max())
-    assert lost[0] / lost[1] == pytest.approx(10.0, rel=0.01) and lost[0] < 1e-6
 
 
 @pytest.mark.parametrize("constraint", ["lagrange", "penalty"])
@@ -191,14 +94,6 @@ def test_a_round_zone_anywhere_in_the_cells(cell, constraint):
     assert abs(energies["balance"] - start) < 1e-5 * start
     scale = np.sum(np.abs(body.mass * body.velocity)) + np.sum(np.abs(masses(soil) * soil.velocities))
     np.testing.assert_allclose(momentum(made), before, rtol=0.0, atol=1e-12 * scale)
-
-
-def shaken(speed=1e-3, **scene):
-    """Nodes beyond the zone in motion; small, so that everything is linear."""
-    made = coupled(**scene)
-    x, y, z = made.body.coordinates.T
-    made.body.velocity[:, 1] = speed * np.sin(2.0 * x + y - z) * (x > 2.1)
-    return made
 
 
 @pytest.mark.parametrize("mass_damping", [0.0, 20.0])
@@ -251,23 +146,6 @@ def test_stiff_springs_are_the_elimination(rotation):
     moved = np.abs(runs["tied"]).max()
     soft, stiff = (np.abs(runs[name] - runs["tied"]).max() / moved for name in ("soft", "stiff"))
     assert soft < 0.03 and stiff < 0.05 * soft
-
-
-@pytest.mark.parametrize("rotation", ["curl", "micro"])
-def test_rotations_follow_the_mesh(rotation):
-    """A rigid rotation of the mesh about any axis turns the tied spheres by it, in velocity and in place."""
-    made = coupled(rotation=rotation)
-    axis = np.array([1e-6, -2e-6, 3e-6])
-    made.body.displacement[:, :3] = np.cross(axis, made.body.coordinates)
-    made.body.velocity[:, :3] = np.cross(1e3 * axis, made.body.coordinates)
-    if rotation == "micro":
-        made.body.displacement[:, 3:], made.body.velocity[:, 3:] = axis, 1e3 * axis
-    made.rule.receive()
-    found = made.soil.velocities[made.tie.ids]
-    np.testing.assert_allclose(found[:, 3:], np.broadcast_to(1e3 * axis, (len(found), 3)), rtol=1e-9)
-    np.testing.assert_allclose(made.soil.displacements[made.tie.ids, 3:], found[:, 3:] / 1e3, rtol=1e-9)
-    np.testing.assert_allclose(found[:, :3], np.cross(1e3 * axis, made.soil.reference[made.tie.ids]), atol=1e-15)
-    assert made.mismatch() < 1e-15
 
 
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
