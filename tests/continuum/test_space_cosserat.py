@@ -207,7 +207,7 @@ def wave_matrix(wave, squares, cross, rotation, material=GRAINS):
     """Dynamic stiffness (Pa, N/m, ...) of the amplitudes and the inertias; with k^2, k and 1 that of the continuum.
 
     rho w^2 = (lambda + 2 G) k^2 and Theta w^2 = (alpha + beta + gamma) k^2 + 4 Gc along the axis; coupled across it,
-    (rho w^2 - (G + Gc) k^2) (Theta w^2 - gamma k^2 - 4 Gc) = 4 Gc^2 k^2 (Eringen 1999, section 5.11).
+    (rho w^2 - (G + Gc) k^2) (Theta w^2 - gamma k^2 - 4 Gc) = 4 Gc^2 k^2 (Eringen 1999, chapter 5).
 
     Args:
         squares, cross, rotation: k^2, k and 1; (2 - 2 cos kh)/h^2, sin(kh)/h and (2 + cos kh)/3 of two-node elements.
