@@ -313,7 +313,7 @@ class Body:
     def traction(self, name: str, traction, couple=None) -> None:
         """Add a dead load (t_x, t_y[, t_z]) in Pa on the facets called `name`, on their uncovered part only (collective).
 
-        `couple` is the moment per area of a Cosserat body, (m,) or (m_x, m_y, m_z) in N/m, none when None.
+        `couple` is the moment per area of a Cosserat body in N/m, a number in the plane, else (m_x, m_y, m_z); none when None.
         """
         self.boundaries.traction(name, traction, couple)
 

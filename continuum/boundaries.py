@@ -124,7 +124,7 @@ class Boundaries:
         if couple is not None:
             if not body.turns:
                 raise ValueError(f"couple={couple} needs a Cosserat material: leave it out with a Cauchy body")
-            traction = np.concatenate((traction, _vector("couple", couple, body.rotations, "N/m")))
+            traction = np.concatenate((traction, _vector("couple", np.atleast_1d(couple), body.rotations, "N/m")))
         facets = body.domain.facets(name)
         if body._total(len(facets)) == 0:
             raise ValueError(f'name="{name}" holds no facets of the mesh')

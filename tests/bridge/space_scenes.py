@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from bridge import Overlap, OverlapZone
-from continuum import Body, Cauchy, Cosserat
+from continuum import Body, Cauchy, Cosserat, CosseratModuli
 from meshes import Box, HalfSpace, domains, packings
 from particles import Assembly, Bonded
+from particles.measures import moduli
 
 STIFFNESS, DENSITY = 1e8, 2600.0  # N/m, kg/m3 of a sphere
 BONDED = Bonded(STIFFNESS, STIFFNESS, np.inf, np.inf)
@@ -27,7 +28,10 @@ def parts(
     lattice="simple", cell="hexahedron", *, law=BONDED, radius=0.125, faces=(1.0, 2.0), length=3.0, width=1.0, size=0.5,
     anchor=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0), cosserat=False,
 ):  # fmt: skip
-    """Spheres of a bar on the left, cells on the right; the continuum is that of the lattice (but for couples, in Cosserat's)."""
+    """Spheres of a bar on the left, cells on the right; the continuum is that of the lattice (but for couples, in Cosserat's).
+
+    With cosserat="measured" its moduli, couples and all, are those of a sample of the lattice.
+    """
     make, volume, modulus = LATTICES[lattice]
     zone = OverlapZone(*(HalfSpace((x, 0.0, 0.0), (1.0, 0.0, 0.0)) for x in faces))
     density = DENSITY * np.pi / 6.0 / volume
@@ -35,6 +39,11 @@ def parts(
     domain = domains.box((faces[0], 0.0, 0.0), (length, width, width), counts, cell)
     young_modulus = modulus * STIFFNESS / radius
     material = Cosserat(young_modulus, 0.0, 0.5 * young_modulus, radius, density) if cosserat else Cauchy(young_modulus, 0.0, density)
+    if cosserat == "measured":
+        sites = make(Box((0.0, 0.0, 0.0), (12.0 * radius,) * 3), radius)
+        inner = np.flatnonzero(np.all(np.abs(sites - 6.0 * radius) < 4.0 * radius, axis=1))
+        sample = len(inner) * volume * (2.0 * radius) ** 3
+        material = CosseratModuli(*moduli(Assembly(sites, radius, DENSITY, law), sample, inner), density)
     body = Body(domain, material, "physical", radius, share=zone)
     body.gravity(gravity)
     soil = Assembly(make(Box((0.0, 0.0, 0.0), (faces[1], width, width)), radius, anchor=anchor), radius, DENSITY, law)

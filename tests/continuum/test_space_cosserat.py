@@ -183,6 +183,9 @@ def test_loads_and_reactions_count_micro_rotations(cell):
     moment = np.cross(0.5 * SIZE, weight) + np.cross([*0.5 * SIZE[:2], SIZE[2]], push) + 3.0 * np.array([1e3, -2e3, 5e2])
     body.fix(EVERYWHERE, "xyzabc")
     assert body.reaction(EVERYWHERE) == pytest.approx(-np.concatenate((weight + push, moment)), rel=1e-11)
+    flat = Body(domains.rectangle((0, 0), (2, 1), (3, 2)), GRAINS)
+    flat.traction("top", (0.0, 0.0), couple=1.5)
+    assert flat.external_force().sum(axis=0) == pytest.approx([0.0, 0.0, 3.0], rel=1e-14)
     with pytest.raises(ValueError, match="couple=.* needs a Cosserat material"):
         distorted_body(cell).traction("top", (0.0, 0.0, 0.0), couple=(1.0, 0.0, 0.0))
     with pytest.raises(ValueError, match="couple=.* must be three finite numbers"):
