@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from bridge import Overlap, OverlapZone, growth
+from bridge import BridgingScale, Overlap, OverlapZone, growth
 from continuum import Body, Cauchy
 from meshes import Box, Sphere, domains, packings
 from particles import Assembly, LiChu
@@ -222,5 +222,9 @@ def test_parts_that_do_not_go_together_are_refused():
     outside = Assembly(np.vstack([soil.reference, [1.5, 0.5, 1.3]]), 0.125, DENSITY, BONDED)
     with pytest.raises(ValueError, match="outside the mesh"):
         Overlap(body, outside, zone, step=1e-6)
+    turning, soil, _ = parts(cosserat=True)
+    with pytest.raises(ValueError, match="the bridging scale is plane"):
+        BridgingScale(turning, soil, np.zeros(soil.count, dtype=bool), step=1e-6)
+    body, soil, zone = parts()
     with pytest.raises(ValueError, match="growth test is plane"):
         growth(Overlap(body, soil, zone, step=1e-6))
