@@ -65,6 +65,8 @@ class BridgingScale:
             raise ValueError(f"variant={variant!r} must be one of {', '.join(VARIANTS)}")
         if not body.turns:
             raise ValueError("the bridging scale needs a Cosserat body: particle rotations follow its micro-rotation")
+        if body.axes != 2:
+            raise ValueError("the bridging scale is plane: take Overlap with a body of tetrahedra or hexahedra")
         if int(substeps) != substeps or substeps < 1:
             raise ValueError(f"substeps={substeps} must be a whole number of at least 1")
         for name, value, least in (("step", step, np.nextafter(0.0, 1.0)), ("mass_damping", mass_damping, 0.0)):

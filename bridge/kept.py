@@ -29,7 +29,7 @@ def gathered(comm: Any, values: Array) -> Array | None:
 
 
 def of_nodes(comm: Any, places: Array, arrays: dict[str, Array]) -> State:
-    """Arrays (nodes of this rank, ...) with the places (nodes, 2) that they belong to."""
+    """Arrays (nodes of this rank, ...) with the places (nodes, axes) that they belong to."""
     return {"places": gathered(comm, places)} | {name: gathered(comm, values) for name, values in arrays.items()}
 
 
@@ -45,8 +45,8 @@ def to_nodes(places: Array, state: State, arrays: dict[str, Array]) -> None:
     distance, which = cKDTree(known).query(places) if len(known) else (np.full(len(places), np.inf), None)
     extent = np.ptp(known, axis=0).max() if len(known) else 1.0
     if not distance.max() <= NEAREST * extent:
-        x, y = places[int(np.argmax(distance))]
-        raise ValueError(f"state has no node at ({x:.6g}, {y:.6g}) m: the mesh is another one; make the same scene")
+        place = ", ".join(f"{component:.6g}" for component in places[int(np.argmax(distance))])
+        raise ValueError(f"state has no node at ({place}) m: the mesh is another one; make the same scene")
     for name, values in arrays.items():
         values[:] = state[name][which].reshape(values.shape)
 

@@ -1,4 +1,4 @@
-"""Continuum half: Cauchy bodies in plane strain and in space, Cosserat bodies in plane strain; dolfinx, explicit in time."""
+"""Continuum half: Cauchy and Cosserat bodies in plane strain and in space; dolfinx, explicit in time."""
 
 from .body import Body
 from .materials import Cauchy, Cosserat, CosseratModuli

@@ -1,12 +1,14 @@
 """A deformable body on a dolfinx mesh: state, lumped mass, internal and external forces.
 
-Arrays of nodes have the shape (n_owned, components), components (x, y[, rotation]), per metre of thickness, or (x, y, z)
-where the mesh is one of volume elements; SI units. They hold the nodes that this rank owns. Calls marked collective must be made by every rank.
+Arrays of nodes have the shape (n_owned, components), components (x, y[, rotation]), per metre of thickness, or (x, y, z[, three
+rotations]) where the mesh is one of volume elements; SI units. They hold the nodes that this rank owns. Calls marked collective must be made by every rank.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,14 +29,15 @@ MASSLESS = 1e-12  # of the largest nodal mass; below it a component does not mov
 class Body:
     """Body of one linear material, with nodal displacements (and rotations of a Cosserat material).
 
-    In plane strain on a plane mesh, in space on one of tetrahedra or hexahedra (`axes` 2 or 3; Cauchy only).
+    In plane strain on a plane mesh, in space on one of tetrahedra or hexahedra (`axes` 2 or 3).
 
     Args:
         domain: mesh with named facets (`mesh`, `facets(name)`), as made by `meshes.domains`.
         material: Cauchy, Cosserat or CosseratModuli.
-        micro_inertia: rotational inertia per volume Theta: "scaled" (rho h_e^2 / 12, quasi-static runs; h_e^2 is the
-            area of the quadrilateral, or of two triangles), "physical" (rho r^2 / 2 of discs) or a number (kg/m).
-        particle_radius: radius r (m) of the discs; needed for "physical".
+        micro_inertia: rotational inertia per volume Theta: "scaled" (rho h_e^2 / 12, quasi-static runs; h_e is the edge of a
+            square or cube as large as the cell, two triangles or six tetrahedra), "physical" (rho r^2 / 2 of discs, 2/5 rho
+            r^2 of spheres) or a number (kg/m).
+        particle_radius: radius r (m) of the particles; needed for "physical".
         excluded: region whose part of all integrals (stiffness, mass, loads) is left out (all of it allowed): exact where it has
             `corners` (a convex polygon, such as a Box in the plane), else by 16 sub-cells along the edges of a cell.
         share: function of points (n, axes) giving the part (n,) of all integrals that the body carries, 0 to 1, where particles
@@ -62,10 +65,9 @@ class Body:
         self.mesh = domain.mesh
         self.comm = self.mesh.comm
         self.axes, self.turns = self.mesh.topology.dim, material.turns
-        if self.axes == 3:
-            _check_in_space(material)
-        self.moduli = material.stiffness if self.axes == 2 else material.stiffness_in(3)  # type: ignore[union-attr]
-        self.components = self.axes + int(self.turns)
+        self.moduli, self.couple_moduli = material.stiffness_in(self.axes), material.couple_in(self.axes)
+        self.rotations = 2 * self.axes - 3 if self.turns else 0
+        self.components = self.axes + self.rotations
         self.time = 0.0
 
         self.space = _compat.nodal_space(self.mesh, self.components)
@@ -108,13 +110,14 @@ class Body:
 
     def _micro_inertia(self, choice: str | float, radius: float | None) -> np.ndarray:
         """Theta (cells,) of the owned cells in kg/m."""
-        density, nodes = self.material.density, self._all_nodes.shape[1]
+        density, axes = self.material.density, self.axes
         if choice == "scaled":
-            return density * cells.areas(self.cell_corners) * (2.0 if nodes == 3 else 1.0) / 12.0
+            parts = float(math.factorial(axes)) if cells.simplex(self._all_nodes.shape[1], axes) else 1.0
+            return density * cells.length(parts * cells.measures(self.cell_corners), axes) ** 2 / 12.0
         if choice == "physical":
             if radius is None or not (np.isfinite(radius) and radius > 0):
                 raise ValueError(f'particle_radius={radius} must be positive (m) for micro_inertia="physical"')
-            return np.full(len(self.cell_corners), 0.5 * density * radius**2)
+            return np.full(len(self.cell_corners), (0.5 if axes == 2 else 0.4) * density * radius**2)
         if isinstance(choice, str) or not (np.isfinite(choice) and choice > 0):
             raise ValueError(f'micro_inertia={choice!r} must be "scaled", "physical" or a positive number (kg/m)')
         return np.full(len(self.cell_corners), float(choice))
@@ -145,15 +148,14 @@ class Body:
                 self._weight.x.array[table[cell]] = values
 
     def _compile(self, inertia: np.ndarray) -> None:
-        """Stiffness matrix, form of the internal force and lumped mass."""
+        """Stiffness matrix and lumped mass."""
         self._stiffness = fem.Constant(self.mesh, np.array(self.moduli, dtype=float))
-        self._couple = fem.Constant(self.mesh, np.array(self.material.couple, dtype=float))
+        self._couple = fem.Constant(self.mesh, np.array(self.couple_moduli, dtype=float))
         self._density = fem.Constant(self.mesh, float(self.material.density))
         self._theta = fem.Function(_compat.cell_space(self.mesh))
         self._theta.x.array[: len(inertia)] = inertia
         w, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
         self._matrix = _compat.assemble_matrix(_compat.form(self._work(w, v)))
-        self._internal = _compat.form(self._work(self._trial, v))
         result, mass = self._nodal("mass")
         _compat.assemble_into(result, _compat.form(self._mass(v)))
         self.mass = np.where(mass > MASSLESS * self._largest(mass), mass, 0.0)
@@ -164,6 +166,11 @@ class Body:
             PETSc.Vec().createWithArray(array.reshape(-1), bsize=self.components, comm=self.comm)
             for array in (self.displacement, self._trial_values, self._force)
         )
+
+    @cached_property
+    def _internal(self) -> Any:
+        """Form of the internal force at the trial displacement, compiled when it is first wanted (collective)."""
+        return _compat.form(self._work(self._trial, ufl.TestFunction(self.space)))
 
     def _work(self, w, v):
         density = forms.internal_work(w, v, self._stiffness, self._couple)
@@ -290,11 +297,12 @@ class Body:
     # boundary conditions and loads
 
     def fix(self, where: str | Callable, directions: str) -> None:
-        """Hold the directions ("x", "y", "r" together, e.g. "xyr"; in space "xyz") of the nodes `where` at rest (collective).
+        """Hold the directions of the nodes `where` at rest (collective).
 
         Args:
             where: name of facets of the domain, a region, or a function of points (n, axes) giving bools (n,).
-            directions: held components; a later call wins where two name the same component.
+            directions: held components, letters of "xyr" together (r: the rotation), in space of "xyzabc" (a, b, c: the
+                rotations about x, y, z) or r for all three; a later call wins where two name the same component.
         """
         self.boundaries.prescribe(where, directions, 0.0)
 
@@ -302,9 +310,12 @@ class Body:
         """Move the directions of the nodes `where` with a velocity (m/s, rad/s), a number or a function of time."""
         self.boundaries.prescribe(where, directions, velocity)
 
-    def traction(self, name: str, traction) -> None:
-        """Add a dead load (t_x, t_y[, t_z]) in Pa on the facets called `name`, on their uncovered part only (collective)."""
-        self.boundaries.traction(name, traction)
+    def traction(self, name: str, traction, couple=None) -> None:
+        """Add a dead load (t_x, t_y[, t_z]) in Pa on the facets called `name`, on their uncovered part only (collective).
+
+        `couple` is the moment per area of a Cosserat body in N/m, a number in the plane, else (m_x, m_y, m_z); none when None.
+        """
+        self.boundaries.traction(name, traction, couple)
 
     def gravity(self, acceleration) -> None:
         """Body force (g_x, g_y[, g_z]) per unit mass in m/s2; replaces an earlier one."""
@@ -332,7 +343,7 @@ class Body:
     def reaction(self, where: str | Callable, mass_damping: float | None = None) -> np.ndarray:
         """Force and moment (f_x, f_y, moment about the origin) that the support `where` exerts on the body (collective).
 
-        In space the three forces and the three moments. From M a + c M v + F_int - F_ext on its prescribed components; c is the mass damping (1/s), that of the last
+        In space the three forces and the three moments, those of the micro-rotation included. From M a + c M v + F_int - F_ext on its prescribed components; c is the mass damping (1/s), that of the last
         `advance` when None. A node in two groups counts in both.
         """
         return self.boundaries.reaction(where, self.motion.mass_damping if mass_damping is None else mass_damping)
@@ -362,9 +373,3 @@ class Body:
     def stress_fields(self) -> dict[str, fem.Function]:
         """Cell-wise stress measures for output; see `fields.stress_fields` (collective)."""
         return fields.stress_fields(self)
-
-
-def _check_in_space(material: Material) -> None:
-    """What bodies in space do not have."""
-    if material.turns:
-        raise ValueError(f"material={material} is for plane meshes: a body in space takes a Cauchy material")

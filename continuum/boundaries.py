@@ -10,7 +10,7 @@ from dolfinx import fem
 
 from . import _compat, cuts, faces, shares
 
-DIRECTIONS = {2: "xyr", 3: "xyz"}  # names of the components of a node, by axes
+DIRECTIONS = {2: "xyr", 3: "xyzabc"}  # names of the components of a node, by axes; in space r is short for abc
 
 
 class Boundaries:
@@ -32,9 +32,11 @@ class Boundaries:
 
     def prescribe(self, where, directions: str, velocity) -> None:
         """Drive the directions of the nodes `where` with a velocity (number or function of time); collective."""
-        names = DIRECTIONS[self._body.axes][: self._body.components]
+        names, given = DIRECTIONS[self._body.axes][: self._body.components], directions
+        if self._body.rotations == 3:
+            directions = directions.replace("r", "abc")
         if not directions or any(d not in names for d in directions) or len(set(directions)) < len(directions):
-            raise ValueError(f'directions="{directions}" must be different letters of "{names}"')
+            raise ValueError(f'directions="{given}" must be different letters of "{names}"')
         if not callable(velocity) and not np.isfinite(velocity):
             raise ValueError(f"velocity={velocity} must be finite (m/s, rad/s)")
         nodes = self.nodes(where)
@@ -103,8 +105,10 @@ class Boundaries:
         inertia = body.mass * (body.acceleration + mass_damping * body.velocity)
         force = np.where(self._groups[where], inertia + body.internal_force() - self.loads, 0.0)
         if body.axes == 3:
-            moments = np.cross(body.coordinates, force).sum(axis=0)
-            return np.array(body._total(np.concatenate((force.sum(axis=0), moments))))
+            moments = np.cross(body.coordinates, force[:, :3]).sum(axis=0)
+            if body.turns:
+                moments += force[:, 3:].sum(axis=0)
+            return np.array(body._total(np.concatenate((force[:, :3].sum(axis=0), moments))))
         x, y = body.coordinates.T
         moment = float(np.sum(x * force[:, 1] - y * force[:, 0]))
         if body.turns:
@@ -113,10 +117,15 @@ class Boundaries:
 
     # loads
 
-    def traction(self, name: str, traction) -> None:
-        """Add a dead load (t_x, t_y[, t_z]) in Pa on the uncovered part of the facets called `name`; collective."""
-        traction = _vector("traction", traction, self._body.axes, "Pa")
-        body, facets = self._body, self._body.domain.facets(name)
+    def traction(self, name: str, traction, couple=None) -> None:
+        """Add a dead load (t_x, t_y[, t_z]) in Pa, and couples in N/m, on the uncovered part of the facets `name`; collective."""
+        body = self._body
+        traction = _vector("traction", traction, body.axes, "Pa")
+        if couple is not None:
+            if not body.turns:
+                raise ValueError(f"couple={couple} needs a Cosserat material: leave it out with a Cauchy body")
+            traction = np.concatenate((traction, _vector("couple", np.atleast_1d(couple), body.rotations, "N/m")))
+        facets = body.domain.facets(name)
         if body._total(len(facets)) == 0:
             raise ValueError(f'name="{name}" holds no facets of the mesh')
         topology, axes = body.mesh.topology, body.axes
@@ -138,7 +147,7 @@ class Boundaries:
                 parts = cuts.segment_loads(places, body.excluded)
             else:
                 parts = shares.segment_loads(places, body.share)
-            load[np.ix_(ends, np.arange(axes))] += np.outer(parts, traction)
+            load[np.ix_(ends, np.arange(len(traction)))] += np.outer(parts, traction)
         _compat.scatter_add(function)
         self._tractions = self._tractions + values
         self._sum_loads()
@@ -159,7 +168,7 @@ class Boundaries:
 def _vector(name: str, value, axes: int, unit: str) -> np.ndarray:
     vector = np.asarray(value, dtype=float)
     if vector.shape != (axes,) or not np.all(np.isfinite(vector)):
-        numbers = {2: "two finite numbers (x, y)", 3: "three finite numbers (x, y, z)"}[axes]
+        numbers = {1: "one finite number (z,)", 2: "two finite numbers (x, y)", 3: "three finite numbers (x, y, z)"}[axes]
         raise ValueError(f"{name}={value} must be {numbers} in {unit}")
     return vector
 

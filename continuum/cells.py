@@ -66,7 +66,12 @@ def jacobians(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def determinants(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Absolute value (...) of det dx/dxi."""
-    return np.abs(np.linalg.det(jacobians(corners, points)))
+    rows = np.moveaxis(jacobians(corners, points), (-2, -1), (0, 1))  # written out: by elimination it takes three times as long
+    if len(rows) == 2:
+        (a, b), (c, d) = rows
+        return np.abs(a * d - b * c)
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    return np.abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
 
 
 def gradients(corners: np.ndarray, points: np.ndarray) -> np.ndarray:

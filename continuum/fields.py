@@ -9,28 +9,31 @@ from dolfinx import fem
 
 from . import _compat, cells
 
+PERMUTATION = np.linalg.det(np.eye(3)[np.indices((3, 3, 3)).transpose(1, 2, 3, 0)]).round()  # e_ijk
+
 
 def strains(body: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Strain (cells, axes, axes), eps_ij = u_j,i - e_ij phi, and curvature phi_,i (cells, 2) at cell middles (collective)."""
+    """Strain (cells, axes, axes), eps_ij = u_j,i - e_ijk phi_k, and curvature phi_j,i (cells, axes, rotations) at cell middles.
+
+    In the plane phi has its component about z only. Collective.
+    """
     body.update_ghosts()
     nodes, axes = body.cell_nodes.shape[1], body.axes
     middle = np.tile(cells.middle(nodes, axes), (len(body.cell_nodes), 1))
     values = body._displacement.x.array.reshape(-1, body.components)[body.cell_nodes]
-    gradient = cells.gradients(body.cell_corners, middle)
-    strain = np.einsum("cni,cnj->cij", gradient, values[:, :, :axes])
-    if not body.turns:
-        return strain, np.zeros((len(strain), 2))
-    rotation = np.einsum("cn,cn->c", cells.shape_functions(middle, nodes), values[:, :, 2])
-    strain[:, 0, 1] -= rotation
-    strain[:, 1, 0] += rotation
-    return strain, np.einsum("cni,cn->ci", gradient, values[:, :, 2])
+    gradient = np.einsum("cni,cnj->cij", cells.gradients(body.cell_corners, middle), values)
+    strain, curvature = gradient[:, :, :axes], gradient[:, :, axes:]
+    if body.turns:
+        rotation = np.einsum("cn,cnk->ck", cells.shape_functions(middle, nodes), values[:, :, axes:])
+        strain = strain - np.einsum("ijk,ck->cij", PERMUTATION if axes == 3 else PERMUTATION[:2, :2, 2:], rotation)
+    return strain, curvature
 
 
 def stresses(body: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Stress (cells, axes, axes) in Pa and couple stress (cells, 2) in N/m at cell middles (collective)."""
+    """Stress (cells, axes, axes) in Pa and couple stress (cells, axes, rotations) in N/m at cell middles (collective)."""
     strain, curvature = strains(body)
     stress = np.einsum("ijkl,ckl->cij", body.moduli, strain)
-    return stress, curvature @ np.asarray(body.material.couple).T
+    return stress, np.einsum("ijkl,ckl->cij", body.couple_moduli, curvature) if body.turns else curvature
 
 
 def stress_fields(body: Any) -> dict[str, fem.Function]:
@@ -43,12 +46,10 @@ def stress_fields(body: Any) -> dict[str, fem.Function]:
     whole = stress
     if body.axes == 2:
         whole = _in_space(stress, body.material.poisson_ratio * (stress[:, 0, 0] + stress[:, 1, 1]))
-    named = _components("stress", stress) | {
+    named = _components("stress", stress) | _components("couple_stress", couple) | {
         "volumetric_stress": _trace(whole) / 3.0,
         "effective_stress": np.sqrt(1.5 * _deviator_square(whole)),
     }
-    if body.turns:
-        named |= {"couple_stress_x": couple[:, 0], "couple_stress_y": couple[:, 1]}
     return _functions(body, named)
 
 
@@ -59,19 +60,17 @@ def strain_fields(body: Any) -> dict[str, fem.Function]:
     """
     strain, curvature = strains(body)
     whole = strain if body.axes == 3 else _in_space(strain, np.zeros(len(strain)))
-    named = _components("strain", strain) | {
+    named = _components("strain", strain) | _components("curvature", curvature) | {
         "volumetric_strain": _trace(whole),
         "effective_strain": np.sqrt(2.0 / 3.0 * _deviator_square(whole)),
     }
-    if body.turns:
-        named |= {"curvature_x": curvature[:, 0], "curvature_y": curvature[:, 1]}
     return _functions(body, named)
 
 
 def _components(name: str, tensor: np.ndarray) -> dict[str, np.ndarray]:
-    """The components of tensors (cells, axes, axes) by name."""
-    letters = "xyz"[: tensor.shape[1]]
-    return {f"{name}_{a}{b}": tensor[:, i, j] for i, a in enumerate(letters) for j, b in enumerate(letters)}
+    """The components of tensors (cells, axes, axes) by name; with one column (cells, axes, 1) a letter less."""
+    rows, columns = "xyz"[: tensor.shape[1]], [""] if tensor.shape[2] == 1 else "xyz"[: tensor.shape[2]]
+    return {f"{name}_{a}{b}": tensor[:, i, j] for i, a in enumerate(rows) for j, b in enumerate(columns)}
 
 
 def _in_space(plane: np.ndarray, out_of_plane: np.ndarray) -> np.ndarray:

@@ -6,27 +6,44 @@ import ufl
 
 
 def strain(w):
-    """Strain eps_ij = u_j,i - e_ij phi of w = (u_x, u_y[, phi]), in space u_j,i; the rotation is absent in a Cauchy body."""
-    gradient = ufl.grad(w)  # gradient[j, i] = w_j,i
-    if axes(w) == 3:
-        return ufl.transpose(gradient)
-    phi = w[2] if w.ufl_shape[0] == 3 else 0.0
-    return ufl.as_tensor([[gradient[0, 0], gradient[1, 0] - phi], [gradient[0, 1] + phi, gradient[1, 1]]])
+    """Strain eps_ij = u_j,i - e_ijk phi_k of w = (u[, phi]), in the plane phi about z; the rotation is absent in a Cauchy body."""
+    dim, gradient = axes(w), ufl.grad(w)  # gradient[j, i] = w_j,i
+
+    def turned(i, j):
+        """e_ijk phi_k."""
+        if i == j or not rotations(w):
+            return 0.0
+        about, sign = 3 - i - j, 1.0 if (j - i) % 3 == 1 else -1.0
+        return sign * w[dim + (about if dim == 3 else 0)]
+
+    return ufl.as_tensor([[gradient[j, i] - turned(i, j) for j in range(dim)] for i in range(dim)])
+
+
+def curvature(w):
+    """Curvature kappa_ij = phi_j,i, in the plane with the one component j of phi."""
+    dim, gradient = axes(w), ufl.grad(w)
+    return ufl.as_tensor([[gradient[dim + j, i] for j in range(rotations(w))] for i in range(dim)])
 
 
 def internal_work(w, v, stiffness, couple):
-    """Virtual work density sigma(w) : eps(v) + m(w) . grad(phi_v) (J/m3)."""
+    """Virtual work density sigma(w) : eps(v) + m(w) : kappa(v) (J/m3)."""
     i, j, k, m = ufl.indices(4)
     work = stiffness[i, j, k, m] * strain(w)[k, m] * strain(v)[i, j]
-    if v.ufl_shape[0] > axes(v):
-        work += couple[i, j] * ufl.grad(w[2])[j] * ufl.grad(v[2])[i]
+    if rotations(v):
+        work += couple[i, j, k, m] * curvature(w)[k, m] * curvature(v)[i, j]
     return work
 
 
 def lumped_mass(v, density, micro_inertia):
-    """Density of the row sums of the mass matrix: rho N for displacements, Theta N for the rotation."""
-    mass = density * sum(v[i] for i in range(axes(v)))
-    return mass + micro_inertia * v[2] if v.ufl_shape[0] > axes(v) else mass
+    """Density of the row sums of the mass matrix: rho N for displacements, Theta N for rotations."""
+    dim = axes(v)
+    mass = density * sum(v[i] for i in range(dim))
+    return mass + micro_inertia * sum(v[dim + i] for i in range(rotations(v))) if rotations(v) else mass
+
+
+def rotations(w) -> int:
+    """Number of components of the micro-rotation in a nodal field."""
+    return w.ufl_shape[0] - axes(w)
 
 
 def axes(w) -> int:

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from bridge.interpolation import on_every_rank
 from bridge.overlap import limit
 from bridge.overlap.fine import ZoneParticles
-from bridge.overlap.mesh import ThreeComponents
+from bridge.overlap.mesh import WholeNodes
 from bridge.overlap.rule import OverlapRule
 from bridge.overlap.tie import ROTATIONS, Tie
 from particles.stability import normal_stiffness
@@ -93,8 +93,8 @@ class Overlap:
         self.body, self.soil, self.zone, self.constraint, self.rotation = body, soil, zone, constraint, rotation
         self.step, self.substeps, self.mass_damping = float(step), int(substeps), float(mass_damping)
         self.time, self.coarse_steps = 0.0, 0
-        self.mesh = ThreeComponents(body)
-        self.tie = Tie(body, soil, zone, rotation)
+        self.mesh = WholeNodes(body)
+        self.tie = Tie(body, soil, zone, rotation, self.mesh.width)
         on_every_rank(body.comm, lambda: _check_held(soil, self.tie.ids))
         self.exchange = self.tie.exchange
         soil.weigh(self.tie.share, self.tie.mass_share, np.isin(np.arange(soil.count), self.tie.ids, invert=True))

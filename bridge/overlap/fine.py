@@ -42,12 +42,12 @@ class ZoneParticles(ParticleSide):
     ):
         super().__init__(soil, step, mass_damping, gravity, vector_damping)
         self.tie, self.eliminated, self._axes = tie, stiffness is None, len(gravity)
-        shape, width = tie.tied.shape, len(tie.exchange.nodes)
+        shape, size = tie.tied.shape, tie.width * len(tie.exchange.nodes)
         self.all_masses = by_component(soil.masses, soil.inertias, self._axes)  # (n, f)
         self.masses = self.all_masses[tie.ids]
         self.stiffness = np.zeros(shape) if stiffness is None else np.where(tie.tied, stiffness, 0.0)
         self.force, self._origin = np.zeros(shape), np.zeros(shape)
-        self.nodes = ZoneNodes._make([*(np.zeros(3 * width) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1)])
+        self.nodes = ZoneNodes._make([*(np.zeros(size) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1)])
         self.external = soil.external_forces[tie.ids].reshape(shape)
         loads = self.masses * [*gravity, *np.zeros(shape[1] - self._axes)] + tie.share[tie.ids, None] * self.external
         self.load = np.where(tie.tied & self.eliminated, loads, 0.0)  # of the mesh, where components are eliminated
@@ -58,11 +58,11 @@ class ZoneParticles(ParticleSide):
         """Factor the masses; what is now the state becomes the one without stretch.
 
         Args:
-            mass: Lumped mass of the continuum at the nodes (w, 3).
-            movable: Components (w, 3) that are neither prescribed nor without any mass.
-            stiffness: Of the continuum among the nodes (3 w, 3 w).
+            mass: Lumped mass of the continuum at the nodes (w, c), c components each.
+            movable: Components (w, c) that are neither prescribed nor without any mass.
+            stiffness: Of the continuum among the nodes (c w, c w).
             edge: The part of it that is of cells with other nodes, too.
-            displacement: Of the nodes (w, 3).
+            displacement: Of the nodes (w, c).
         """
         self.lumped, tie = mass.ravel(), self.tie.matrix
         matrix = sparse.diags(self.lumped)
@@ -95,7 +95,7 @@ class ZoneParticles(ParticleSide):
             rows[self._led.rows, :3] = np.where(self.tie.tied[:, which], values[:, which], own)
 
     def _led_by(self, nodal: Array) -> Array:
-        """What the mesh gives to the tied particles (g, f), from nodes (w, 3)."""
+        """What the mesh gives to the tied particles (g, f), from nodes (w, c)."""
         return (self.tie.matrix @ nodal.ravel()).reshape(self.tie.tied.shape)
 
     def _order(self, rows, order) -> None:
@@ -109,32 +109,32 @@ class ZoneParticles(ParticleSide):
         """Fine steps of particles and nodes of the zone within a coarse step.
 
         Args:
-            displacement, velocity: Of the nodes (w, 3) at the start.
+            displacement, velocity: Of the nodes (w, c) at the start.
             force: Of the continuum on them, N.
             slope: Change of that force by the motion of the other nodes, N/s.
             steps: Number of fine steps.
 
         Returns:
-            (w, 9): displacement, change of velocity and acceleration at the end.
+            (w, 3 c): displacement, change of velocity and acceleration at the end.
         """
         nodes = self.nodes
         if not self.soil.count:
-            return np.zeros((len(velocity), 9))
+            return np.zeros((len(velocity), 3 * velocity.shape[1]))
         self._prepare(steps)
         nodes.base[:], nodes.velocity[:] = displacement.ravel(), velocity.ravel()
         nodes.start[:], nodes.slope[:] = force.ravel(), slope.ravel()
         kernel = _run_tied if self.eliminated else _run_penalised
         self.run_loop(kernel, steps, (nodes, self._inner, self.mass, self.mass_damping), ())
-        moved, reached, acceleration = (part.reshape(-1, 3) for part in (nodes.moved, nodes.velocity, nodes.acceleration))
+        moved, reached, acceleration = (part.reshape(velocity.shape) for part in (nodes.moved, nodes.velocity, nodes.acceleration))
         return np.hstack([moved, reached - velocity, acceleration])
 
     def missing(self, step: float) -> Array:
-        """Impulse (w, 3) that cells at the edge of the zone lack in a coarse step to that of the trapezoidal rule, N s.
+        """Impulse (w, c) that cells at the edge of the zone lack in a coarse step to that of the trapezoidal rule, N s.
 
         Within the step the nodes of the zone feel them at every fine time, those outside at both ends.
         """
         nodes = self.nodes
-        return (self._edge @ (nodes.swept - 0.5 * step * nodes.moved)).reshape(-1, 3)
+        return (self._edge @ (nodes.swept - 0.5 * step * nodes.moved)).reshape(-1, self.tie.width)
 
     @property
     def worked(self) -> float:
@@ -142,19 +142,19 @@ class ZoneParticles(ParticleSide):
         return float(self.nodes.work[0])
 
     def solve(self, values: Array) -> Array:
-        """M^-1 values (w, 3) of the nodes."""
+        """M^-1 values (w, c) of the nodes."""
         flat = np.ascontiguousarray(values).ravel().copy()
         if flat.size:
             _solve(self.mass, flat)
-        return flat.reshape(-1, 3)
+        return flat.reshape(values.shape)
 
     def kick(self, velocity: Array) -> None:
-        """Add a change of the nodes' velocity (w, 3) to the components that follow them."""
+        """Add a change of the nodes' velocity (w, c) to the components that follow them."""
         if self.eliminated and self.soil.count:
             self._assign(SPEEDS, self._present(*SPEEDS) + self._led_by(velocity))
 
     def follow_mesh(self, displacement: Array, velocity: Array) -> None:
-        """Put eliminated components where the nodal motion (w, 3) says; with linear contacts, compute the forces anew."""
+        """Put eliminated components where the nodal motion (w, c) says; with linear contacts, compute the forces anew."""
         if not self.soil.count:
             return
         if self.eliminated:
@@ -196,12 +196,12 @@ class ZoneParticles(ParticleSide):
         return [sums[name] for name in self.ENERGY_NAMES]
 
     def start(self, force: Array) -> Array:
-        """Accelerations of the nodes (w, 3) under the continuum's force (w, 3) and the particles'; tied components take them."""
+        """Accelerations of the nodes (w, c) under the continuum's force (w, c) and the particles'; tied components take them."""
         if not self.soil.count:
             return np.zeros_like(force)
         if self.eliminated:
             felt = np.where(self.tie.tied, self._present("force", "torque") - self.load, 0.0)
-            force = force + (self.tie.matrix.T @ felt.ravel()).reshape(-1, 3)
+            force = force + (self.tie.matrix.T @ felt.ravel()).reshape(force.shape)
         found = self.solve(force)
         if self.eliminated:
             self._assign(("acceleration", "angular"), self._led_by(found))

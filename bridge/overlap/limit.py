@@ -77,12 +77,12 @@ def system(coupled) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
 def _nodes(coupled):
     """Stiffness, lumped mass, free components of the nodes that take the particles' steps; zone's components from them."""
     fine, mesh, own = coupled.fine, coupled.mesh, coupled.exchange.nodes
-    size = 3 * len(own)
+    width, size = mesh.width, mesh.width * len(own)
     if coupled.substeps > 1 or mesh.comm.size > 1:
         free = np.zeros(size, dtype=bool)
         free[fine.mass.free] = True
         return fine.continuum_stiffness, sparse.diags(fine.lumped), free, sparse.identity(size, format="csr")
-    places = (3 * own[:, None] + np.arange(3)).ravel()
+    places = (width * own[:, None] + np.arange(width)).ravel()
     select = sparse.csr_matrix((np.ones(size), (np.arange(size), places)), shape=(size, mesh.mass.size))
     everywhere = mesh.stiffness_matrix(np.arange(len(mesh.mass)))
     return everywhere, sparse.diags(mesh.mass.ravel()), ~mesh.fixed.ravel(), select

@@ -21,7 +21,7 @@ class OverlapRule:
         self.step, self.damping = coupled.step, coupled.mass_damping
         self.moves_prescribed = mesh.moves_prescribed
         self.external = mesh.external_force().copy()
-        exchange.scatter((fine.tie.matrix.T @ fine.load.ravel()).reshape(-1, 3), self.external)
+        exchange.scatter((fine.tie.matrix.T @ fine.load.ravel()).reshape(-1, mesh.width), self.external)
         movable = (mesh.mass > 0.0) & ~mesh.fixed
         on = np.zeros((len(mesh.mass), 1))
         exchange.scatter(np.ones((len(exchange.nodes), 1)), on)
@@ -35,16 +35,18 @@ class OverlapRule:
             )
         fine.set_nodes(exchange.gather(mesh.mass), free, stiffness, edge, exchange.gather(mesh.displacement))
         self._on = np.flatnonzero(on)
-        inverse = np.divide(1.0, mesh.mass, out=np.zeros_like(mesh.mass), where=movable & (on == 0.0))
-        mass = np.where(movable, mesh.mass, 0.0)
-        self.force = np.zeros_like(mass)
+        self._inverse = np.divide(1.0, mesh.mass, out=np.zeros_like(mesh.mass), where=movable & (on == 0.0))
+        self._mass = np.where(movable, mesh.mass, 0.0)
+        self.force, self._increment, impulse, link = (np.zeros_like(self._mass) for _ in range(4))
         self._lost, self._work, self._interface = np.zeros(1), np.zeros(1), np.zeros(1)
-        self._arrays = Mesh(
-            mass, inverse, self.external, self.force, *(np.zeros_like(mass) for _ in range(3)), mesh.displacement,
-            mesh.velocity, mesh.acceleration, np.flatnonzero(on == 0.0), self._lost, self._work,
+        arrays = (
+            self._mass, self._inverse, self.external, self.force, impulse, link, self._increment, mesh.displacement,
+            mesh.velocity, mesh.acceleration,
         )  # fmt: skip
+        off = np.flatnonzero(np.repeat(on[:, 0] == 0.0, mesh.width // 3))
+        self._arrays = Mesh(*(array.reshape(-1, 3) for array in arrays), off, self._lost, self._work)  # six components: two rows
         self.start_from_state()
-        mesh.acceleration[:] = inverse * self.force
+        mesh.acceleration[:] = self._inverse * self.force
         exchange.scatter(fine.start(exchange.gather(self.force)), mesh.acceleration)
         mesh.send()
 
@@ -97,26 +99,26 @@ class OverlapRule:
         if self.moves_prescribed:
             end = mesh.prescribed_velocity(time + step)[fixed]
             mesh.velocity[fixed] = 0.5 * (mesh.prescribed_velocity(time)[fixed] + end)
-        before = arrays.force.copy() if self.damping else arrays.force
+        before = self.force.copy() if self.damping else self.force
         move_others(arrays, self.damping, step)
-        slope = mesh.internal_force(arrays.increment) / -step
-        start = gather(arrays.force)
+        slope = mesh.internal_force(self._increment) / -step
+        start = gather(self.force)
         found = self.fine.run(gather(mesh.displacement), gather(mesh.velocity), start, gather(slope), self.coupled.substeps)
-        nodal = np.zeros((len(arrays.mass), 9))
+        nodal = np.zeros((len(self._mass), 3 * mesh.width))
         self.exchange.scatter(found, nodal)
         moved, faster, acceleration = np.hsplit(nodal[on], 3)
         mesh.displacement[on] += moved
         mesh.velocity[on] += faster
-        arrays.work[0] += np.vdot(arrays.external[on], moved)
-        finish(arrays, mesh.internal_force(mesh.displacement), self.damping, step)
+        self._work[0] += np.vdot(self.external[on], moved)
+        finish(arrays, mesh.internal_force(mesh.displacement).reshape(-1, 3), self.damping, step)
         if self.damping:  # of the middle of the step, on the velocities at its ends
-            change = np.where(arrays.inverse_mass > 0.0, arrays.force - before, 0.0)
-            arrays.lost[0] += 0.25 * step * self.damping * np.vdot(change, arrays.increment)
+            change = np.where(self._inverse > 0.0, self.force - before, 0.0)
+            self._lost[0] += 0.25 * step * self.damping * np.vdot(change, self._increment)
         missing = self.fine.missing(step)
         kick = self.fine.solve(missing)
-        self._interface += self._uncounted(found, missing, kick, start + gather(arrays.force), gather(mesh.velocity))
+        self._interface += self._uncounted(found, missing, kick, start + gather(self.force), gather(mesh.velocity))
         self.fine.kick(kick)
-        faster = np.zeros_like(arrays.mass)
+        faster = np.zeros_like(self._mass)
         self.exchange.scatter(kick, faster)
         mesh.velocity += faster
         mesh.acceleration[on] = acceleration
@@ -125,7 +127,7 @@ class OverlapRule:
 
     def _uncounted(self, found: Array, missing: Array, kick: Array, forces: Array, velocity: Array) -> float:
         """Energy (J) that the even motion of the neighbours within the coarse step takes: zero for one substep."""
-        due = 0.5 * np.vdot(forces, found[:, :3])
+        due = 0.5 * np.vdot(forces, found[:, : self.mesh.width])
         return float(due - self.fine.worked - np.vdot(missing, velocity + 0.5 * kick))
 
     def energies(self) -> Array:
@@ -135,7 +137,7 @@ class OverlapRule:
         strain = 0.5 * np.vdot(mesh.displacement, self.external - self.force)
         undamped = mesh.acceleration + self.damping * mesh.velocity
         undamped[self._on] = mesh.acceleration[self._on]
-        squares = self._arrays.mass * undamped**2
+        squares = self._mass * undamped**2
         zone = squares[self._on].sum() * (1.0 / self.coupled.substeps**2 - 1.0)
         stepping = self.step**2 / 8.0 * (squares.sum() + zone)
         return np.array([kinetic, strain, self._lost[0], self._work[0], self._interface[0], stepping])

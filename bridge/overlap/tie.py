@@ -24,8 +24,8 @@ class Tie:
     Attributes:
         ids: (g,) tied particles.
         exchange: NodeExchange of the w needed nodes.
-        matrix: G (f g, 3 w), motion of the tied particles from that of the nodes; an empty row is a free component. Particles
-            have f = 3 components (x, y, rotation) in the plane, 6 in space; nodes (x, y, rotation) or (x, y, z).
+        matrix: G (f g, c w), motion of the tied particles from that of the nodes; an empty row is a free component. Particles
+            have f = 3 components (x, y, rotation) in the plane, 6 in space; nodes c = 3, (x, y, rotation) or (x, y, z), or 6.
         share: (n,) share of contacts and loads that particles carry, 1 - alpha.
         mass_share: (n,) share of their mass, 1 - alpha with a floor.
 
@@ -35,12 +35,13 @@ class Tie:
         zone: OverlapZone.
         rotation: One of `ROTATIONS`: rotations of the tied particles are the micro-rotation, half the curl of the
             displacement, or free.
+        width: Number c of components of a node.
 
     Raises:
         ValueError: a tied particle outside the mesh, particles where the continuum is alone, or no tied particle at all.
     """
 
-    def __init__(self, body: Any, soil: Any, zone: Any, rotation: str):
+    def __init__(self, body: Any, soil: Any, zone: Any, rotation: str, width: int):
         alpha = zone(soil.reference) if soil.count else np.zeros(0)
         on_every_rank(body.comm, lambda: _check_place(soil, zone))
         self.share = 1.0 - alpha
@@ -53,7 +54,9 @@ class Tie:
         nodes, shape, found = body.shape_functions(points, gradients=True)
         on_every_rank(body.comm, lambda: _check_found(self.ids, points, np.asarray(found)))
         self.exchange = NodeExchange(body.comm, body.owned_range, nodes)
-        self.matrix = _tie_matrix(np.searchsorted(self.exchange.nodes, nodes), shape, len(self.exchange.nodes), rotation)
+        self.width = width
+        columns = np.searchsorted(self.exchange.nodes, nodes)
+        self.matrix = _tie_matrix(columns, shape, (len(self.exchange.nodes), width), rotation)
 
     def spring_shares(self, stiffness: Array, radii: Array) -> Array:
         """alpha (1 - alpha) of stiffnesses (n,) for the tied particles (g, f), turning times the radius squared.
@@ -74,8 +77,11 @@ def by_component(moving: Array, turning: Array, axes: int) -> Array:
     return np.hstack([np.repeat(moving[:, None], axes, axis=1), np.repeat(turning[:, None], 2 * axes - 3, axis=1)])
 
 
-def _tie_matrix(columns, shape: Array, width: int, rotation: str) -> sparse.csr_matrix:
-    """G from the nodes' places (g, nodes a cell) and values and derivatives (g, nodes a cell, 1 + axes) of shape functions."""
+def _tie_matrix(columns, shape: Array, nodal: tuple[int, int], rotation: str) -> sparse.csr_matrix:
+    """G from the nodes' places (g, nodes a cell) and values and derivatives (g, nodes a cell, 1 + axes) of shape functions.
+
+    `nodal`: numbers w of the nodes and c of their components.
+    """
     (count, per_cell), axes = columns.shape, shape.shape[2] - 1
     freedoms = 3 * (axes - 1)
     particle = np.repeat(np.arange(count), per_cell)
@@ -84,14 +90,14 @@ def _tie_matrix(columns, shape: Array, width: int, rotation: str) -> sparse.csr_
     n, *slopes = values.T
     entries = [(axis, axis, n) for axis in range(axes)]
     if rotation == "micro":
-        entries.append((2, 2, n))
+        entries += [(to, to, n) for to in range(axes, freedoms)]
     elif rotation == "curl":
         for to, first, second in [(2, 0, 1)] if axes == 2 else [(3, 1, 2), (4, 2, 0), (5, 0, 1)]:
             entries += [(to, second, 0.5 * slopes[first]), (to, first, -0.5 * slopes[second])]
     rows = np.concatenate([freedoms * particle + to for to, _, _ in entries])
-    places = np.concatenate([3 * node + component for _, component, _ in entries])
+    places = np.concatenate([nodal[1] * node + component for _, component, _ in entries])
     data = np.concatenate([value for _, _, value in entries])
-    matrix = sparse.csr_matrix((data, (rows, places)), shape=(freedoms * count, 3 * width))
+    matrix = sparse.csr_matrix((data, (rows, places)), shape=(freedoms * count, nodal[0] * nodal[1]))
     matrix.eliminate_zeros()
     return matrix
 

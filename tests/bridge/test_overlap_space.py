@@ -1,55 +1,15 @@
-"""Overlap coupling in space: spheres on lattices, tetrahedra and hexahedra.
-
-Bonds that are as stiff in shear as along the normal make every cubic lattice isotropic, with Poisson's ratio zero: the sum of
-n_i n_k over the bonds of a sphere is a multiple of the unit matrix, and sigma that multiple of the strain.
-"""
+"""Overlap coupling in space: spheres on lattices, tetrahedra and hexahedra; Cosserat bodies where rotations are micro-rotations."""
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from bridge import Overlap, OverlapZone, growth
+from bridge import BridgingScale, Overlap, OverlapZone, growth
 from continuum import Body, Cauchy
-from meshes import Box, HalfSpace, Sphere, domains, packings
-from particles import Assembly, Bonded, LiChu
+from meshes import Box, Sphere, domains, packings
+from particles import Assembly, LiChu
 from tests.bridge.scenes import GRANULAR
-
-STIFFNESS, DENSITY = 1e8, 2600.0  # N/m, kg/m3 of a sphere
-BONDED = Bonded(STIFFNESS, STIFFNESS, np.inf, np.inf)
-LATTICES = {  # sites, volume of the lattice for each sphere over (2 r)^3, Young's modulus times r over the stiffness
-    "simple": (packings.simple_cubic, 1.0, 0.5),
-    "fcc": (packings.face_centred_cubic, np.sqrt(0.5), np.sqrt(2.0)),
-}
-TIES = [("lagrange", "free"), ("lagrange", "curl"), ("penalty", "free"), ("penalty", "curl")]
-
-
-def parts(
-    lattice="simple", cell="hexahedron", *, law=BONDED, radius=0.125, faces=(1.0, 2.0), length=3.0, width=1.0, size=0.5,
-    anchor=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0),
-):  # fmt: skip
-    """Spheres of a bar on the left, cells on the right; the continuum is that of the lattice."""
-    make, volume, modulus = LATTICES[lattice]
-    zone = OverlapZone(*(HalfSpace((x, 0.0, 0.0), (1.0, 0.0, 0.0)) for x in faces))
-    density = DENSITY * np.pi / 6.0 / volume
-    counts = round((length - faces[0]) / size), round(width / size), round(width / size)
-    domain = domains.box((faces[0], 0.0, 0.0), (length, width, width), counts, cell)
-    body = Body(domain, Cauchy(modulus * STIFFNESS / radius, 0.0, density), share=zone)
-    body.gravity(gravity)
-    soil = Assembly(make(Box((0.0, 0.0, 0.0), (faces[1], width, width)), radius, anchor=anchor), radius, DENSITY, law)
-    if isinstance(law, Bonded):
-        soil.bond(0.01)
-    return body, soil, zone
-
-
-def coupled(ratio=0.5, substeps=1, constraint="lagrange", rotation="free", mass_damping=0.0, **scene):
-    """The scene with a step that is a part of the critical ones."""
-    body, soil, zone = parts(**scene)
-    ties = {"constraint": constraint, "rotation": rotation, "mass_damping": mass_damping}
-    limit = Overlap(body, soil, zone, step=1e-9, **ties).critical_step(sharp=True)
-    if substeps > 1:
-        limit = min(substeps * limit, body.critical_step("power"))
-    return Overlap(body, soil, zone, step=ratio * limit, substeps=substeps, **ties)
-
+from tests.bridge.space_scenes import BONDED, DENSITY, TIES, coupled, masses, momentum, parts, shaken
 
 STRAINS = {
     "along": np.diag([1e-4, 0.0, 0.0]),
@@ -61,17 +21,18 @@ STRAINS = {
 
 def residual(strain, rotation, **scene):
     """Largest force out of balance on nodes and on spheres away from the free sides, to the traction on a cell."""
-    made = coupled(rotation=rotation, width=2.0, faces=(1.0, 3.0), length=5.0, **scene)
-    soil, body, tie = made.soil, made.body, made.tie
+    body, soil, zone = parts(**{"cosserat": rotation == "micro"} | scene, width=2.0, faces=(1.0, 3.0), length=5.0)
+    made = Overlap(body, soil, zone, rotation=rotation, step=1e-9)
+    tie = made.tie
     moved = np.zeros((soil.count, 6))
     moved[:, :3] = soil.reference @ STRAINS[strain]
-    body.displacement[:] = body.coordinates @ STRAINS[strain]
+    body.displacement[:, :3] = body.coordinates @ STRAINS[strain]
     force = -(soil.stiffness_matrix(contact_range=1e-6) @ moved.ravel()).reshape(-1, 6)
     nodal = -body.internal_force()
     scale = np.abs(nodal).max()
     tied = np.zeros((soil.count, 6), dtype=bool)
     tied[tie.ids] = tie.tied
-    made.exchange.scatter((tie.matrix.T @ np.where(tied, force, 0.0)[tie.ids].ravel()).reshape(-1, 3), nodal)
+    made.exchange.scatter((tie.matrix.T @ np.where(tied, force, 0.0)[tie.ids].ravel()).reshape(-1, nodal.shape[1]), nodal)
     inner = np.all(np.abs(body.coordinates[:, 1:] - 1.0) < 0.1, axis=1) & (body.coordinates[:, 0] < 4.9)
     deep = np.all(np.abs(soil.reference[:, 1:] - 1.0) < 0.6, axis=1) & (soil.reference[:, 0] > 0.4)
     return np.abs(nodal[inner]).max() / scale, np.abs(np.where(tied, 0.0, force)[deep]).max() / scale
@@ -79,7 +40,7 @@ def residual(strain, rotation, **scene):
 
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 @pytest.mark.parametrize("strain", STRAINS)
-@pytest.mark.parametrize("rotation", ["free", "curl"])
+@pytest.mark.parametrize("rotation", ["free", "curl", "micro"])
 def test_uniform_strain_passes(strain, rotation, cell):
     """Each bond of the simple cubic lattice lies in one cell: to rounding, but for shear along the zone.
 
@@ -90,21 +51,20 @@ def test_uniform_strain_passes(strain, rotation, cell):
     assert nodes < most and spheres < most
 
 
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+@pytest.mark.parametrize("strain", ["along", "across", "shear across"])
+def test_uniform_strain_passes_with_the_moduli_of_a_packing(strain, cell):
+    """Spheres that slide, roll and twist with stiffnesses of their own: a cubic Cosserat continuum, measured on a sample."""
+    law = LiChu(1e8, 3e7, 1e6, 7e2, sliding_friction=1e6, rolling_friction=1e6, moment_friction=1e6, torsion_stiffness=5e2, torsion_friction=1e6)
+    nodes, spheres = residual(strain, "micro", law=law, cosserat="measured", cell=cell)
+    assert nodes < 1e-12 and spheres < 1e-12
+
+
 @pytest.mark.parametrize("strain", STRAINS)
 def test_a_lattice_across_the_cells_disturbs_uniform_strain_little(strain):
     """Face-centred cubic, its cubes a third and two thirds of a cell: bonds cross faces of cells."""
     nodes, spheres = residual(strain, "free", lattice="fcc", radius=1.0 / 12.0, anchor=(0.03, 0.02, 0.05))
     assert nodes < 5e-3 and spheres < 1e-3
-
-
-def masses(soil):
-    return np.hstack([np.repeat(soil.masses[:, None], 3, axis=1), np.repeat(soil.inertias[:, None], 3, axis=1)])
-
-
-def momentum(made):
-    """Of spheres and nodes together, kg m/s."""
-    own = made.soil.masses[:, None] * made.soil.velocities[:, :3]
-    return own.sum(axis=0) + (made.body.mass * made.body.velocity).sum(axis=0)
 
 
 @pytest.mark.parametrize("substeps", [1, 3])
@@ -145,14 +105,6 @@ def test_a_round_zone_anywhere_in_the_cells(cell, constraint):
     np.testing.assert_allclose(momentum(made), before, rtol=0.0, atol=1e-12 * scale)
 
 
-def shaken(**scene):
-    """Nodes beyond the zone in motion; small, so that everything is linear."""
-    made = coupled(**scene)
-    x, y, z = made.body.coordinates.T
-    made.body.velocity[:, 1] = 1e-3 * np.sin(2.0 * x + y - z) * (x > 2.1)
-    return made
-
-
 @pytest.mark.parametrize("mass_damping", [0.0, 20.0])
 @pytest.mark.parametrize("constraint, rotation", TIES)
 def test_energy_is_accounted_for_with_one_substep(constraint, rotation, mass_damping):
@@ -182,50 +134,39 @@ def test_what_substeps_take_is_booked(constraint):
 def test_everything_falls_together(constraint, rotation):
     made = coupled(constraint=constraint, rotation=rotation, gravity=(3.0, 1.0, -9.81))
     made.advance(50)
-    for moved in (made.soil.velocities[:, :3], made.body.velocity):
+    for moved in (made.soil.velocities[:, :3], made.body.velocity[:, :3]):
         np.testing.assert_allclose(moved / made.time, np.broadcast_to([3.0, 1.0, -9.81], moved.shape), rtol=1e-9)
     energies = made.energies()
     assert abs(energies["balance"]) < 1e-9 * energies["external"]
 
 
-@pytest.mark.parametrize("rotation", ["free", "curl"])
+@pytest.mark.parametrize("rotation", ["free", "curl", "micro"])
 def test_stiff_springs_are_the_elimination(rotation):
     """Motions differ by the stretch of the springs, which is inverse to their stiffness."""
     runs = {}
     for name, options in {"tied": {}, "soft": {"penalty": 50.0}, "stiff": {"penalty": 5000.0}}.items():
-        body, soil, zone = parts()
+        body, soil, zone = parts(cosserat=rotation == "micro")
         constraint = "penalty" if options else "lagrange"
         made = Overlap(body, soil, zone, constraint=constraint, rotation=rotation, step=4e-6, **options)
         x = body.coordinates[:, 0]
         body.velocity[:, 0] = 1e-3 * (x - 2.0) * (x > 2.1)
         made.advance(300)
-        runs[name] = body.displacement.copy()
+        runs[name] = body.displacement[:, :3].copy()
     moved = np.abs(runs["tied"]).max()
     soft, stiff = (np.abs(runs[name] - runs["tied"]).max() / moved for name in ("soft", "stiff"))
     assert soft < 0.03 and stiff < 0.05 * soft
 
 
-def test_rotations_follow_half_the_curl_of_the_mesh():
-    """A rigid rotation of the mesh about any axis turns the tied spheres by it, in velocity and in place."""
-    made = coupled(rotation="curl")
-    axis = np.array([1e-6, -2e-6, 3e-6])
-    made.body.displacement[:] = np.cross(axis, made.body.coordinates)
-    made.body.velocity[:] = np.cross(1e3 * axis, made.body.coordinates)
-    made.rule.receive()
-    found = made.soil.velocities[made.tie.ids]
-    np.testing.assert_allclose(found[:, 3:], np.broadcast_to(1e3 * axis, (len(found), 3)), rtol=1e-9)
-    np.testing.assert_allclose(made.soil.displacements[made.tie.ids, 3:], found[:, 3:] / 1e3, rtol=1e-9)
-    np.testing.assert_allclose(found[:, :3], np.cross(1e3 * axis, made.soil.reference[made.tie.ids]), atol=1e-15)
-    assert made.mismatch() < 1e-15
-
-
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 @pytest.mark.parametrize("constraint, rotation", TIES)
 def test_the_critical_step_is_met_from_both_sides(constraint, rotation, cell):
-    """One per cent below nothing grows; above, the fastest mode grows by exp(2 acosh(1.01)) a step. The bound is below both."""
+    """One per cent below nothing grows; above, the fastest mode grows by exp(2 acosh(1.01)) a step. The bound is below both.
+
+    Cauchy hexahedra and Cosserat tetrahedra; micro-rotations need a Cosserat body.
+    """
     grown = []
     for factor in (0.99, 1.01):
-        body, soil, zone = parts(cell=cell)
+        body, soil, zone = parts(cell=cell, cosserat=rotation == "micro" or cell == "tetrahedron")
         made = Overlap(body, soil, zone, constraint=constraint, rotation=rotation, step=1e-7)
         sharp = made.critical_step(sharp=True)
         assert 0.4 * sharp < made.critical_step() <= sharp * (1 + 1e-9)
@@ -281,5 +222,9 @@ def test_parts_that_do_not_go_together_are_refused():
     outside = Assembly(np.vstack([soil.reference, [1.5, 0.5, 1.3]]), 0.125, DENSITY, BONDED)
     with pytest.raises(ValueError, match="outside the mesh"):
         Overlap(body, outside, zone, step=1e-6)
+    turning, soil, _ = parts(cosserat=True)
+    with pytest.raises(ValueError, match="the bridging scale is plane"):
+        BridgingScale(turning, soil, np.zeros(soil.count, dtype=bool), step=1e-6)
+    body, soil, zone = parts()
     with pytest.raises(ValueError, match="growth test is plane"):
         growth(Overlap(body, soil, zone, step=1e-6))

@@ -1,11 +1,13 @@
 """Bodies of tetrahedra and hexahedra that the tests in space share."""
 
 import numpy as np
+from scipy.sparse.linalg import spsolve
 
-from continuum import Body, Cauchy
+from continuum import Body, Cauchy, Cosserat
 from meshes import domains
 
 ROCK = Cauchy(18e9, 0.25, 2600.0)
+GRAINS = Cosserat(18e9, 0.25, 2.4e9, 0.2, 2600.0, couple_alpha=-7e7, couple_beta=9e7)  # gamma = 2.88e8 N
 SIZE, CELLS = np.array([2.0, 1.5, 1.0]), (4, 3, 3)  # m
 
 
@@ -36,8 +38,8 @@ def dense_stiffness(body):
 
 def solve(body, prescribed):
     """Displacements in equilibrium, with `prescribed` values on the fixed components and the body's loads."""
-    stiffness, fixed = dense_stiffness(body), body.fixed.ravel()
+    stiffness, fixed = body.stiffness_matrix(np.arange(body.count)).tocsc(), body.fixed.ravel()
     moved = np.where(fixed, prescribed.ravel(), 0.0)
     force = body.external_force().ravel() - stiffness @ moved
-    moved[~fixed] = np.linalg.solve(stiffness[np.ix_(~fixed, ~fixed)], force[~fixed])
+    moved[~fixed] = spsolve(stiffness[~fixed][:, ~fixed], force[~fixed])
     body.displacement[:] = moved.reshape(body.mass.shape)

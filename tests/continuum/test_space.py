@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from continuum import Body, Cauchy, Cosserat
+from continuum import Body, Cauchy, CosseratModuli
 from meshes import Box, domains
 from tests.continuum.space import ROCK, SIZE, dense_stiffness, distorted_body, distorted_box, solve, within
 
@@ -198,7 +198,10 @@ def test_what_a_region_covers_is_left_out(cell):
 @pytest.mark.parametrize(
     "options, words",
     [
-        (dict(material=Cosserat(1e9, 0.2, 1e8, 0.05, 2000.0)), "a body in space takes a Cauchy material"),
+        (
+            dict(material=CosseratModuli(ROCK.stiffness, np.eye(2), 2000.0)),
+            r"stiffness of shape \(2, 2, 2, 2\) must have the shape \(3, 3, 3, 3\) on this mesh",
+        ),
         (dict(share=lambda points: points), r"each point \(n, 3\)"),
     ],
 )

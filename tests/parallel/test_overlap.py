@@ -26,20 +26,24 @@ def plane(comm, cosserat):
     return zone, body, sites, 0.1, GRANULAR
 
 
-def space(comm, cell):
+def space(comm, cell, cosserat=False):
     zone = OverlapZone(HalfSpace((0.5, 0.0, 0.0), (1.0, 0.0, 0.0)), HalfSpace((1.5, 0.0, 0.0), (1.0, 0.0, 0.0)))
-    body = Body(domains.box((0.5, 0.0, 0.0), (2.5, 1.0, 1.0), (4, 2, 2), cell, comm=comm), Cauchy(2e8, 0.0, 1361.0), share=zone)
+    material = Cosserat(2e8, 0.0, 1e8, 0.1, 1361.0, couple_alpha=1e5, couple_beta=-2e5) if cosserat else Cauchy(2e8, 0.0, 1361.0)
+    body = Body(domains.box((0.5, 0.0, 0.0), (2.5, 1.0, 1.0), (4, 2, 2), cell, comm=comm), material, share=zone)
     body.fix("right", "xyz")
     body.gravity((0.0, 0.0, -9.81))
     return zone, body, packings.simple_cubic(Box((0, 0, 0), (1.5, 1.0, 1.0)), 0.125), 0.125, Bonded(5e7, 2e7, np.inf, np.inf)
 
 
-SCENES = {"discs": (plane, False), "discs, Cosserat": (plane, True), "hexahedra": (space, "hexahedron"), "tetrahedra": (space, "tetrahedron")}
+SCENES = {
+    "discs": (plane, False), "discs, Cosserat": (plane, True), "hexahedra": (space, "hexahedron"), "tetrahedra": (space, "tetrahedron"),
+    "hexahedra, Cosserat": (space, "hexahedron", True), "tetrahedra, Cosserat": (space, "tetrahedron", True),
+}  # fmt: skip
 
 
 def run(comm, scene, constraint, substeps):
-    make, kind = SCENES[scene]
-    zone, body, sites, radius, law = make(comm, kind)
+    make, *kind = SCENES[scene]
+    zone, body, sites, radius, law = make(comm, *kind)
     mine = sites if comm.rank == 0 else sites[:0]
     soil = Assembly(mine, radius, 2600.0, law)
     if isinstance(law, Bonded):
@@ -58,7 +62,10 @@ def run(comm, scene, constraint, substeps):
 
 @pytest.mark.parametrize(
     "scene, constraint, substeps",
-    [("discs", "lagrange", 3), ("discs, Cosserat", "penalty", 3), ("hexahedra", "lagrange", 1), ("tetrahedra", "penalty", 3)],
+    [
+        ("discs", "lagrange", 3), ("discs, Cosserat", "penalty", 3), ("hexahedra", "lagrange", 1), ("tetrahedra", "penalty", 3),
+        ("hexahedra, Cosserat", "penalty", 1), ("tetrahedra, Cosserat", "lagrange", 3),
+    ],
 )
 def test_ranks_agree_with_one_rank(scene, constraint, substeps):
     """Ranks change the order of additions only: 1e-10 of the largest displacement, of the forces of the ties and of the energy."""

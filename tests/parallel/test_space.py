@@ -7,26 +7,29 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from continuum import Body, Cauchy
+from continuum import Body
 from meshes import domains
+from tests.continuum.space import GRAINS, ROCK
 
 WORLD, ALONE = MPI.COMM_WORLD, MPI.COMM_SELF
-ROCK = Cauchy(18e9, 0.25, 2600.0)
-SCENES = [("hexahedron", (1, 1, 1)), ("hexahedron", (3, 2, 2)), ("tetrahedron", (2, 2, 2))]
+SCENES = {
+    "one cell": ("hexahedron", (1, 1, 1), ROCK), "hexahedra": ("hexahedron", (3, 2, 2), ROCK), "tetrahedra": ("tetrahedron", (2, 2, 2), ROCK),
+    "hexahedra, Cosserat": ("hexahedron", (3, 2, 2), GRAINS), "tetrahedra, Cosserat": ("tetrahedron", (2, 2, 2), GRAINS),
+}  # fmt: skip
 
 
-def make_body(cell, counts, comm):
-    body = Body(domains.box((0, 0, 0), (2.0, 1.5, 1.0), counts, cell, comm=comm), ROCK)
-    body.fix("bottom", "xyz")
+def make_body(cell, counts, material, comm):
+    body = Body(domains.box((0, 0, 0), (2.0, 1.5, 1.0), counts, cell, comm=comm), material)
+    body.fix("bottom", "xyzr" if material.turns else "xyz")
     body.fix("left", "x")
-    body.traction("top", (1e4, 0.0, -2e5))
+    body.traction("top", (1e4, 0.0, -2e5), couple=(1e4, -2e4, 3e4) if material.turns else None)
     body.gravity((0.0, 0.0, -9.81))
     return body
 
 
-@pytest.fixture(params=SCENES, ids=str, scope="module")
+@pytest.fixture(params=SCENES, scope="module")
 def pair(request):
-    body, serial = make_body(*request.param, WORLD), make_body(*request.param, ALONE)
+    body, serial = (make_body(*SCENES[request.param], comm) for comm in (WORLD, ALONE))
     gap = np.abs(body.coordinates[:, None] - serial.coordinates).max(axis=2)
     at = gap.argmin(axis=1) if body.count else np.empty(0, dtype=int)
     assert gap[np.arange(body.count), at].max(initial=0) < 1e-12
@@ -40,7 +43,7 @@ def test_mass_loads_supports_and_forces_agree(pair):
     load = serial.external_force()
 
     def trial(b):
-        return np.column_stack([np.sin(k + b.coordinates @ [0.7, 1.1, -0.4]) for k in range(3)])
+        return np.column_stack([np.sin(k + b.coordinates @ [0.7, 1.1, -0.4]) for k in range(b.components)])
 
     for found, expected in (
         (body.mass, serial.mass), (body.external_force(), load), (body.internal_force(trial(body)), serial.internal_force(trial(serial))),
