@@ -113,6 +113,7 @@ class Assembly:
         self._ids = np.arange(count, dtype=np.int32)  # id of each row
         self._rows = np.arange(count, dtype=np.int32)  # row of each id
         self._ghost = np.zeros(count, dtype=bool)
+        self._labels: np.ndarray | None = None  # numbers of the ids in a larger scene, for messages
         self._external: np.ndarray | None = None
         self._primed: tuple | None = None
         self._loads: tuple[dict[str, Any], Terms] | None = None  # of the last run
@@ -124,6 +125,7 @@ class Assembly:
         self._breaks: list[np.ndarray] = []
         usual = listing.skin_scale(max(count, 1), listing.GAPS[self.axes] * max(count, 1) / mean)
         self._system = self._first_system(density, usual if skin is None else 0.0)
+        self._typical = mean, float(self._masses.mean()) if count else 1.0  # radius and mass, also where this is a part
         listing.rebuild(self)
         self._refuse_coincident()
         self._imposed = self._mechanical()
@@ -323,6 +325,7 @@ class Assembly:
         old = 1.0 if self._system.share is None else self._system.share[self._rows, 1]
         change = shares[self._rows, 1] / old
         self._masses, self._inertias = self._masses * change, self._inertias * change
+        self._typical = self._typical[0], float(self._masses.mean()) if self.count else 1.0
         self._system = self._system._replace(share=shares)
         holding.compose(self)
         self._compose_external()
@@ -588,9 +591,14 @@ class Assembly:
             motion_of = self.velocities[self._ids[row]]
             speed, spin = np.linalg.norm(motion_of[: self.axes]), np.linalg.norm(motion_of[self.axes :])
             raise Unstable(
-                f"particle {self._ids[row]} runs away{where} at t={self.time:g} s with {speed:.3g} m/s and "
+                f"particle {self._label(row)} runs away{where} at t={self.time:g} s with {speed:.3g} m/s and "
                 f"{spin:.3g} rad/s: more than the smallest radius in a step of {step:g} s; take a smaller step"
             )
+
+    def _label(self, row: int) -> int:
+        """Number of a row's particle as the user knows it."""
+        one = int(self._ids[row])
+        return one if self._labels is None else int(self._labels[one])
 
     def trial_forces(self, increment: np.ndarray, velocity: np.ndarray, **loads: Any) -> np.ndarray:
         """Forces (n, freedoms) in ROW order at positions displaced by `increment`, on copies that are discarded.

@@ -17,18 +17,15 @@ import llvmlite.binding as llvm
 import numpy as np
 from mpi4py import MPI
 
-from particles import energies, listing, motion, neighbours, network
+from particles import energies, listing, motion, network
 from particles.assembly import Assembly
-from particles.bisection import bisect
-from particles.columns import WIDTH, aligned
-from particles.contacts import SCRATCH
 from particles.dispatch import Direct
+from particles.halos import Bordering
 from particles.motion import FINISHED, Unstable
-from particles.neighbours import ROOM
-from particles.parts import ROWS, Pairs, all_pairs, cut, take_histories, wall_pairs
-from particles.ranks import Halo, numbers
+from particles.owners import LIMIT, PAIR, Owners
+from particles.parts import ROWS, all_pairs, loaded, take_histories, unload, wall_pairs
 from particles.state import restore
-from particles.system import MASS, RADIUS, SUMS, TRAVEL, TRAVEL_LIMIT, WALLS, Terms
+from particles.system import RADIUS, SUMS, TRAVEL, TRAVEL_LIMIT, WALLS, Terms
 from particles.walls.history import recorded, recording
 from particles.walls.listing import driven
 from particles.walls.rows import DASHPOT, STIFFNESS
@@ -36,26 +33,20 @@ from particles.walls.servo import set_contact_constants
 
 llvm.load_library_permanently(MPI.__file__)  # the compiled loops call MPI by the names of its functions
 
-TAG = 7
-_PADDED = ("position", "velocity", "acceleration", "force", "spin", "angular", "torque", "lightness")
 _advance, _evaluate, _stale, _runaway, _kick = map(
     Direct, (motion.advance, motion.evaluate_with, motion.stale, motion.runaway, motion.kick)
 )
 
 
-def _handle(of: Any) -> int:
-    """What C calls by: the value of an MPI handle."""
-    return MPI._handleof(of)
-
-
-class SharedAssembly:
+class SharedAssembly(Bordering):
     """An assembly whose particles are spread over the ranks of a communicator; construction and methods are collective.
 
     Args:
         make: makes the whole scene, walls and all, the same on every rank; it must not have moved.
         comm: the ranks.
-        weights: of the particles (n,), in the measure of their cost; all alike by default.
         room: numbers that loops of the caller sum over the ranks in a step.
+        limit: growth of the imbalance (work of the busiest rank over the mean) at which the work is shared out anew; None
+            keeps all particles where they are.
 
     Attributes:
         part: the particles that this rank owns, an `Assembly` with ids of its own.
@@ -64,9 +55,9 @@ class SharedAssembly:
     """
 
     def __init__(
-        self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, weights: np.ndarray | None = None, room: int = 0
+        self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, room: int = 0, limit: float | None = LIMIT
     ) -> None:
-        self.comm, self._make, self._weights, self._room = comm, make, weights, room
+        self.comm, self._make, self._room, self._limit = comm, make, room, limit
         self.whole = make() if comm.rank == 0 else None
         self._requests: list[Any] = []
         self._seconds = np.zeros(2)
@@ -77,16 +68,23 @@ class SharedAssembly:
         """Leave of the whole scene what this rank owns."""
         comm = self.comm
         self.count, self.axes = part.count, part.axes
-        owner = bisect(part.positions, comm.size, self._weights)
-        self.ids = np.flatnonzero(owner == comm.rank)
         self.part, self._signs = part, part._laws.signs
         self._border: Any = None
         self._border_sums = np.zeros(SUMS)
-        self._known = all_pairs(part, np.arange(self.count), self.count)
+        self._breaks = [part.breaks] if comm.rank == 0 else []
+        part._breaks = []
         if comm.rank > 0:  # what has been summed so far is rank 0's
             part._imposed = 0.0
             part._system.sums[:] = 0.0
-        cut(part, self.ids)
+        self.owners = Owners(MPI.COMM_SELF if comm.size == 1 else comm, self._limit or LIMIT)
+        self.ids = np.arange(self.count)
+        self._known = all_pairs(part, self.ids, self.count)
+        places, scale, _ = self._units()
+        mine = slice(None) if comm.rank == 0 else slice(0)  # of the particles that all ranks have
+        self.owners.cut(places[mine], self._weights()[mine], scale)
+        owner = self.owners.of(places)
+        own = loaded(part, self.ids, np.flatnonzero(owner[part._rows] == comm.rank), self._known)
+        self.ids, self._known = unload(part, [own], self.count)
         self.rebuild()
 
     def restore(self, state: dict[str, Any] | None) -> None:
@@ -110,15 +108,54 @@ class SharedAssembly:
             Unstable: a particle of any rank has no finite position or velocity.
         """
         part, clock = self.part, self.part._system.clock
-        if self._border is not None:
-            self._known = self._border_pairs()
         clock[TRAVEL] = self.comm.allreduce(clock[TRAVEL], op=MPI.MAX)  # one skin for all
+        if self._border is not None:
+            self._file_breaks()
+            self._known = self._border_pairs()
+            if self._limit is not None and self.comm.size > 1:
+                self._hand_over()
         self._together(lambda: listing.rebuild(part))
         part._set_skin(self.comm.allreduce(part.skin, op=MPI.MAX))
         self._find_halo()
         if part._system.walls is not None:
             self._agree_on_servos()
         self.rebuilds += 1
+
+    def _weights(self) -> np.ndarray:
+        """Cost of each row (n,), in that of moving a particle: half of the listed pairs of each."""
+        part, degree = self.part, np.zeros(self.part.count)
+        lists = [part._system] if self._border is None else [part._system, self._border]
+        for one in lists:
+            for rows in (one.first, one.second):
+                degree += np.bincount(rows[: one.start[-1]], minlength=part.count)[: part.count]
+        return 1.0 + 0.5 * PAIR * degree
+
+    def _hand_over(self) -> None:
+        """Give particles to the ranks that are to own them, with their histories, where it is time to."""
+        part, comm = self.part, self.comm
+        places, scale, periodic = self._units()
+        owner = self.owners.look(places, self._weights(), scale, periodic, 2.0 * part._largest_radius)
+        if owner is None:
+            return
+        known = all_pairs(part, self.ids, self.count).joined(self._known.some())  # across the border, too
+        receiver = owner[part._rows]
+        cargos = [loaded(part, self.ids, np.flatnonzero(receiver == rank), known) for rank in range(comm.size)]
+        arrived = comm.alltoall([None if rank == comm.rank else cargo for rank, cargo in enumerate(cargos)])
+        arrived[comm.rank] = cargos[comm.rank]
+        self.ids, self._known = unload(part, arrived, self.count)
+
+    def _file_breaks(self) -> None:
+        """Keep the logged breaks with the particles' numbers; one across a border belongs to the owner of the lower number."""
+        part, log = self.part, self._border.breaks
+        inside = part.breaks
+        inside[:, 1:3] = self.ids[inside[:, 1:3].astype(np.int64)]
+        self._breaks.append(inside)
+        part._breaks = []
+        if log is not None:
+            across = log.log[: log.count[0]].copy()
+            across[:, 1:3] = self._numbers[across[:, 1:3].astype(np.int64)]
+            self._breaks.append(across[np.isin(across[:, 1:3].min(axis=1), self.ids)])
+            log.count[0] = 0
 
     def refresh(self) -> None:
         """New lists, where a loop of the caller has found one used up on any rank; see `Assembly.refresh`.
@@ -151,154 +188,6 @@ class SharedAssembly:
         problems = [words for words in self.comm.allgather(problem) if words is not None]
         if problems:
             raise Unstable(problems[0])
-
-    def _find_halo(self) -> None:
-        """Who needs which rows of whom; the list of contacts across borders; the arrays with room for the halo."""
-        comm, part = self.comm, self.part
-        reach = 2.0 * part._largest_radius + part.skin
-        wanted = self._near_boxes(reach)
-        sent = [self._rows_sent(rows) if other != comm.rank else None for other, rows in enumerate(wanted)]
-        offered = comm.alltoall(sent)
-        sizes = [0 if rows is None else len(rows) for rows in offered]
-        guests = np.concatenate([np.zeros((0, 10)), *(rows for rows in offered if rows is not None)])
-        own = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *wanted]))
-        one, guest = self._pairs_with(guests, own, reach)
-        used = np.unique(guest)
-        bounds = np.cumsum([0, *sizes])
-        replies = [used[(used >= a) & (used < b)] - a for a, b in zip(bounds[:-1], bounds[1:])]
-        asked = comm.alltoall(replies)
-        rows = [wanted[other][asked[other]] for other in range(comm.size)]
-        self._set_arrays(guests[used], one, np.searchsorted(used, guest))
-        self._set_messages(rows, [len(reply) for reply in replies])
-
-    def _near_boxes(self, reach: float) -> list[np.ndarray]:
-        """Own rows that lie in the boxes around the other ranks' particles, wider by `reach` (m); by rank."""
-        comm, part = self.comm, self.part
-        places, widths = part._system.position[:, : self.axes], np.full(self.axes, reach)
-        periodic = np.zeros(self.axes, dtype=bool)
-        if part.cell is not None:
-            periodic = part.cell.periodic
-            units = np.linalg.solve(part.cell.matrix, places.T).T
-            places = np.where(periodic, units - np.floor(units), places)
-            for k in np.flatnonzero(periodic):
-                widths[k] = reach / neighbours.cell_width(part.cell.arrays, int(k))
-        empty = not len(places)
-        box = np.zeros((2, self.axes)) if empty else np.array([places.min(axis=0), places.max(axis=0)])
-        boxes = comm.allgather((empty, box))
-        found: list[np.ndarray] = []
-        for rank, (none, (low, high)) in enumerate(boxes):
-            if rank == comm.rank or none or empty:
-                found.append(np.zeros(0, dtype=np.int64))
-                continue
-            away = places - 0.5 * (low + high)
-            away[:, periodic] -= np.round(away[:, periodic])
-            found.append(np.flatnonzero((np.abs(away) <= 0.5 * (high - low) + widths).all(axis=1)))
-        return found
-
-    def _rows_sent(self, rows: np.ndarray) -> np.ndarray:
-        """What others need to know once of these rows (k, 10): number, place, radius, mass, material, shares, ghost."""
-        part, system = self.part, self.part._system
-        found = np.zeros((len(rows), 10))
-        found[:, 0], found[:, 1:5] = self.ids[part._ids[rows]], system.position[rows]
-        if self.axes == 2:
-            found[:, 3] = 0.0
-        found[:, 5] = system.lightness[rows, MASS]
-        found[:, 6] = 0 if system.material is None else system.material[rows]
-        found[:, 7:9] = 1.0 if system.share is None else system.share[rows]
-        found[:, 9] = part._ghost[part._ids[rows]]
-        return found
-
-    def _pairs_with(self, guests: np.ndarray, own: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs closer than both radii and the skin: own rows (k,) and guests (k,)."""
-        part = self.part
-        none = np.zeros(0, dtype=np.int64)
-        if not len(guests) or not len(own):
-            return none, none
-        places = aligned((len(own) + len(guests), 4))
-        places[: len(own)], places[len(own) :] = part._system.position[own], guests[:, 1:5]
-        if self.axes == 2:
-            places[:, 2] = 0.0
-        still = np.zeros(len(places), dtype=bool)
-        still[len(own) :] = True
-        grid = neighbours.grid_of(places, reach, self.axes, part._system.cell)
-        start, first, second = neighbours.list_pairs(
-            grid, places, places[:, RADIUS].copy(), still, part.skin, self.axes, 4 * len(places), part._system.cell
-        )
-        first, second = first[: start[-1]].astype(np.int64), second[: start[-1]].astype(np.int64)
-        led = np.concatenate([part._ghost[part._ids[own]], guests[:, 9] > 0.0])  # the caller's ghosts have no pairs, either
-        mixed = np.flatnonzero((second >= len(own)) & ~(led[first] & led[second]))  # guests are never first
-        return own[first[mixed]], second[mixed] - len(own)
-
-    def _set_arrays(self, guests: np.ndarray, one: np.ndarray, guest: np.ndarray) -> None:
-        """Rows of the halo, and two more far from each other, behind the own ones; the list of pairs across the border."""
-        part, system = self.part, self.part._system
-        count, more = part.count, len(guests)
-        long: dict[str, Any] = {}
-        for name in _PADDED:
-            rows = getattr(system, name)
-            if rows is not None:
-                long[name] = aligned((count + more + 2, 4))
-                long[name][:count] = rows
-        long["position"][count : count + more, :3], long["position"][count : count + more, RADIUS] = guests[:, 1:4], guests[:, 4]
-        long["position"][count + more :, RADIUS] = 1e-9 * max(part._largest_radius, 1e-300)
-        apart = 10.0 * part._largest_radius if part.cell is None else 0.4 * part.cell.matrix[0, 0]
-        long["position"][count + more + 1, 0] = max(apart, 1.0 if part.cell is None else 0.0)
-        long["lightness"][count:] = 1.0
-        long["lightness"][count : count + more, MASS] = guests[:, 5]
-        part._system = system._replace(**{name: rows[:count] for name, rows in long.items()})
-        if system.material is not None:
-            long["material"] = np.concatenate([system.material, guests[:, 6].astype(np.int32), np.zeros(2, dtype=np.int32)])
-        if system.share is not None:
-            long["share"] = np.concatenate([system.share, guests[:, 7:9], np.ones((2, 2))])
-        self._numbers = np.concatenate([self.ids[part._ids], guests[:, 0].astype(np.int64)])  # of the rows, halo and all
-        other = count + guest
-        exchanged = self._numbers[one] > self._numbers[other]
-        first, second = np.where(exchanged, other, one), np.where(exchanged, one, other)
-        order = np.argsort(one, kind="stable")
-        whole = -(-len(one) // WIDTH) * WIDTH
-        lines = np.zeros((2, whole + ROOM), dtype=np.int32)
-        lines[0, :whole], lines[1, :whole] = count + more, count + more + 1
-        lines[:, : len(one)] = first[order], second[order]
-        history = aligned((len(self._signs), whole + ROOM))
-        self._known.of(self._numbers[lines[0, : len(one)]], self._numbers[lines[1, : len(one)]], history)
-        self._border = part._system._replace(
-            start=np.array([0, len(one)], dtype=np.int32), first=lines[0].copy(), second=lines[1].copy(), history=history,
-            scratch=aligned((SCRATCH,)), sums=self._border_sums, walls=None, records=None, held=None, breaks=None, external=None,
-            **long,
-        )  # fmt: skip
-
-    def _set_messages(self, rows: list[np.ndarray], received: list[int]) -> None:
-        """Persistent messages to and from the neighbours."""
-        comm, part = self.comm, self.part
-        for request in self._requests:
-            request.Free()
-        width = numbers(self.axes == 3, part._laws.viscous is not None)
-        counts = [len(one) for one in rows]
-        out, into = np.zeros((sum(counts), width)), np.zeros((sum(received), width))
-        self._requests, at = [], 0
-        for other, count in enumerate(received):
-            if count:
-                self._requests.append(comm.Recv_init([into[at : at + count], MPI.DOUBLE], other, TAG))
-            at += count
-        at = 0
-        for other, count in enumerate(counts):
-            if count:
-                self._requests.append(comm.Send_init([out[at : at + count], MPI.DOUBLE], other, TAG))
-            at += count
-        walls = part._system.walls
-        room = 0 if walls is None else 6 * len(walls.wall) + len(walls.body)
-        handles = [_handle(one) for one in (comm, MPI.DOUBLE, MPI.MAX, MPI.SUM)]
-        self._halo = Halo(
-            np.concatenate([np.zeros(0, dtype=np.int64), *rows]).astype(np.int64), np.array([part.count]), out, into,
-            np.array([_handle(request) for request in self._requests], dtype=np.int64), np.array(handles, dtype=np.int64),
-            np.zeros(2), np.zeros((2, room)), np.zeros((2, self._room)), self._seconds,
-        )  # fmt: skip
-
-    def _border_pairs(self) -> Pairs:
-        border = self._border
-        count = int(border.start[-1])
-        first, second = self._numbers[border.first[:count]], self._numbers[border.second[:count]]
-        return Pairs(first, second, border.history[:, :count], self._signs, self.count)
 
     # Stepping ----------------------------------------------------------------------------------------------------------
 
@@ -421,7 +310,9 @@ class SharedAssembly:
         lower = np.isin(border.key // self.count, self.ids)
         pairs = np.concatenate([inner.key, border.key[lower]]), np.hstack([inner.history, border.history[:, lower]])
         walls = None if system.walls is None else (self.ids[part._ids[system.walls.row]], *wall_pairs(system.walls))
-        parts = comm.gather((self.ids[part._ids], own, pairs, walls, self._sums()), root=0)
+        self._file_breaks()
+        self._breaks = [np.concatenate(self._breaks)]
+        parts = comm.gather((self.ids[part._ids], own, pairs, walls, self._sums(), self._breaks[0]), root=0)
         if whole is None:
             return None
         for numbers_of, rows, *_ in parts:
@@ -441,7 +332,10 @@ class SharedAssembly:
         whole._system.history[:] = 0.0
         whole._system.clock[TRAVEL] = 0.0
         listing.rebuild(whole)
-        whole._system.sums[:] = sum(sums for *_, sums in parts)
-        take_histories(whole, [pairs for _, _, pairs, _, _ in parts], [walls for *_, walls, _ in parts])
+        whole._system.sums[:] = sum(sums for *_, sums, _ in parts)
+        take_histories(whole, [pairs for _, _, pairs, *_ in parts], [walls for *_, walls, _, _ in parts])
+        broken = np.concatenate([breaks for *_, breaks in parts])
+        whole._file_breaks()
+        whole._breaks = [broken[np.lexsort((*np.sort(broken[:, 1:3], axis=1).T, broken[:, 0]))]]
         whole._primed = part._primed
         return whole

@@ -43,7 +43,7 @@ def rebuild(soil: Assembly) -> None:
     system, axes = soil._system, soil.axes
     row = neighbours.first_bad(system.position, system.velocity)
     if row >= 0:
-        raise Unstable(f"particle {soil._ids[row]} has no finite position or velocity at t={soil.time:g} s")
+        raise Unstable(f"particle {soil._label(row)} has no finite position or velocity at t={soil.time:g} s")
     largest = soil._largest_radius
     _fit_skin(soil)
     if soil.cell is not None:
