@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from particles import bonds, energies, holding, listing, motion, network, pruning, stability
+from particles import bonds, driving, energies, holding, listing, motion, network, pruning, stability
 from particles.cell import PeriodicCell, checked_gradient, nearest_image
 from particles.columns import aligned
 from particles.contacts import SCRATCH
@@ -377,6 +377,11 @@ class Assembly:
         """
         if self.cell is None:
             raise ValueError("velocity_gradient needs a periodic cell: give the assembly one")
+        self._deform(velocity_gradient, self.masses @ self.positions / self.masses.sum() if self.count else np.zeros(self.axes))
+
+    def _deform(self, velocity_gradient: Any, centre: np.ndarray) -> None:
+        """The same with the mass centre of the whole packing (axes,), m."""
+        assert self.cell is not None
         gradient = checked_gradient(self.cell, velocity_gradient)
         if gradient.any():
             check_deformation(self.plates)
@@ -384,7 +389,7 @@ class Assembly:
         velocities = self.velocities
         velocities[:, : self.axes] += self.positions @ change.T
         self.velocities = velocities
-        self.cell.set_gradient(gradient, self.masses @ self.positions / self.masses.sum() if self.count else np.zeros(self.axes))
+        self.cell.set_gradient(gradient, centre)
 
     def cell_stress(self) -> np.ndarray:
         """Mean stress (axes, axes) in the periodic cell, Pa, tension positive; see `particles.network.cell_stress`.
@@ -620,6 +625,11 @@ class Assembly:
     def energies(self) -> dict[str, float]:
         """Energies by term, J: stored ones now, dissipated ones and works since the start."""
         return energies.table(self)
+
+    def force_sums(self) -> np.ndarray:
+        """What says how far from equilibrium all is (5,): largest resultant on a free particle (N), sum of all, number of free
+        particles; sum of the sizes of the contact forces (N), number of those that are not zero."""
+        return driving.sums_of(self)
 
     def energy_balance(self) -> float:
         """Absolute imbalance (J): stored + dissipated - work put in; falls with the square of the step."""

@@ -9,7 +9,7 @@ are found by where the particles are.
 
 from __future__ import annotations
 
-import copy
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -17,36 +17,38 @@ import llvmlite.binding as llvm
 import numpy as np
 from mpi4py import MPI
 
-from particles import energies, listing, motion, network
+from particles import listing, motion, network
 from particles.assembly import Assembly
-from particles.dispatch import Direct
-from particles.halos import Bordering
+from particles.dispatch import Direct, compiled_seconds
+from particles.gathered import Gathered
 from particles.motion import FINISHED, Unstable
 from particles.owners import LIMIT, PAIR, Owners
-from particles.parts import ROWS, all_pairs, loaded, take_histories, unload, wall_pairs
+from particles.parts import all_pairs, loaded, unload
 from particles.state import restore
-from particles.system import RADIUS, SUMS, TRAVEL, TRAVEL_LIMIT, WALLS, Terms
+from particles.system import SUMS, TRAVEL, TRAVEL_LIMIT, Terms
 from particles.walls.history import recorded, recording
 from particles.walls.listing import driven
-from particles.walls.rows import DASHPOT, STIFFNESS
+from particles.walls.rows import DASHPOT, DRIVEN, GIVEN, LOAD, STIFFNESS, VELOCITY
 from particles.walls.servo import set_contact_constants
 
 llvm.load_library_permanently(MPI.__file__)  # the compiled loops call MPI by the names of its functions
 
-_advance, _evaluate, _stale, _runaway, _kick = map(
-    Direct, (motion.advance, motion.evaluate_with, motion.stale, motion.runaway, motion.kick)
-)
+_run, _evaluate, _stale, _kick = map(Direct, (motion.advance, motion.evaluate_with, motion.stale, motion.kick))
 
 
-class SharedAssembly(Bordering):
+_ASSIGNED = [*range(VELOCITY, VELOCITY + 6), *range(LOAD, LOAD + 6), GIVEN, DRIVEN]  # columns of a body
+
+
+class SharedAssembly(Gathered):
     """An assembly whose particles are spread over the ranks of a communicator; construction and methods are collective.
 
     Args:
-        make: makes the whole scene, walls and all, the same on every rank; it must not have moved.
+        make: makes the whole scene, walls and all, the same on every rank.
         comm: the ranks.
         room: numbers that loops of the caller sum over the ranks in a step.
         limit: growth of the imbalance (work of the busiest rank over the mean) at which the work is shared out anew; None
             keeps all particles where they are.
+        whole: what `make` makes, where rank 0 has it already.
 
     Attributes:
         part: the particles that this rank owns, an `Assembly` with ids of its own.
@@ -55,12 +57,14 @@ class SharedAssembly(Bordering):
     """
 
     def __init__(
-        self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, room: int = 0, limit: float | None = LIMIT
-    ) -> None:
+        self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, room: int = 0, limit: float | None = LIMIT,
+        whole: Assembly | None = None,
+    ) -> None:  # fmt: skip
         self.comm, self._make, self._room, self._limit = comm, make, room, limit
-        self.whole = make() if comm.rank == 0 else None
+        self.whole = make() if comm.rank == 0 and whole is None else whole
         self._requests: list[Any] = []
         self._seconds = np.zeros(2)
+        self._stepping = 0.0
         self.rebuilds = 0
         self._take_part(make())
 
@@ -144,19 +148,6 @@ class SharedAssembly(Bordering):
         arrived[comm.rank] = cargos[comm.rank]
         self.ids, self._known = unload(part, arrived, self.count)
 
-    def _file_breaks(self) -> None:
-        """Keep the logged breaks with the particles' numbers; one across a border belongs to the owner of the lower number."""
-        part, log = self.part, self._border.breaks
-        inside = part.breaks
-        inside[:, 1:3] = self.ids[inside[:, 1:3].astype(np.int64)]
-        self._breaks.append(inside)
-        part._breaks = []
-        if log is not None:
-            across = log.log[: log.count[0]].copy()
-            across[:, 1:3] = self._numbers[across[:, 1:3].astype(np.int64)]
-            self._breaks.append(across[np.isin(across[:, 1:3].min(axis=1), self.ids)])
-            log.count[0] = 0
-
     def refresh(self) -> None:
         """New lists, where a loop of the caller has found one used up on any rank; see `Assembly.refresh`.
 
@@ -179,15 +170,15 @@ class SharedAssembly(Bordering):
             body[:, column] = found
 
     def _together(self, work: Callable[[], Any]) -> None:
-        """Do something on every rank; particles that blow up on one of them are an error of all."""
+        """Do something on every rank; what goes wrong on one of them is an error of all."""
         problem = None
         try:
             work()
-        except Unstable as unstable:
-            problem = str(unstable)
-        problems = [words for words in self.comm.allgather(problem) if words is not None]
+        except (Unstable, ValueError) as failure:
+            problem = failure
+        problems = [failure for failure in self.comm.allgather(problem) if failure is not None]
         if problems:
-            raise Unstable(problems[0])
+            raise problems[0]
 
     # Stepping ----------------------------------------------------------------------------------------------------------
 
@@ -212,8 +203,11 @@ class SharedAssembly(Bordering):
             _kick(part._system, terms, 0.0)
             part._primed = (terms[5:],)
         walls = part._system.walls
-        if walls is not None and (driving := driven(part.plates, walls, part.time, step, steps)) is not walls:
-            part._system = part._system._replace(walls=driving)
+        if walls is not None and (walls.drive is not None or (walls.body[:, DRIVEN] > 0.0).any()):
+            # functions of time may be known on rank 0 alone
+            drive = driven(part.plates, walls, part.time, step, steps).drive if self.comm.rank == 0 else None
+            part._system = part._system._replace(walls=walls._replace(drive=self.comm.bcast(drive, root=0)))
+            walls.drive_step[0] = 0
         return terms
 
     def advance(self, steps: int, step: float, **loads: Any) -> None:
@@ -224,12 +218,19 @@ class SharedAssembly(Bordering):
         """
         if steps == 0:
             return
-        part, terms = self.part, self.prepare(step, steps, **loads)
+        start, before = time.perf_counter(), compiled_seconds()
+        try:
+            self._advance(steps, step, self.prepare(step, steps, **loads))
+        finally:
+            self._stepping += time.perf_counter() - start - (compiled_seconds() - before)
+
+    def _advance(self, steps: int, step: float, terms: Terms) -> None:
+        part = self.part
         part._system = recording(part.plates, part._system, int(steps))
         left, resume = int(steps), False
         try:
             while True:
-                done, code = _advance(part._system, terms, left, step, resume, self._border, self._halo)
+                done, code = _run(part._system, terms, left, step, resume, self._border, self._halo)
                 left -= done
                 if code == FINISHED:
                     return
@@ -239,6 +240,44 @@ class SharedAssembly(Bordering):
         finally:
             part._system = recorded(part.plates, part._system)
 
+    def deform(self, velocity_gradient: Any) -> None:
+        """Deform the periodic cell; see `Assembly.deform`."""
+        part = self.part
+        moments = np.append(part.masses @ part.positions, part.masses.sum())
+        self.comm.Allreduce(MPI.IN_PLACE, moments, op=MPI.SUM)
+        part._deform(velocity_gradient, moments[:-1] / moments[-1] if self.count else moments[:-1])
+
+    def release(self) -> None:
+        """Give back what MPI holds for messages; the assembly can no longer be moved."""
+        for request in self._requests:
+            request.Free()
+        self._requests = []
+
+    # Walls of a script that has the whole ----------------------------------------------------------------------------------
+
+    def news_of_walls(self) -> Any:
+        """On rank 0: what a script has assigned to the walls of the whole since the ranks were told last; None for nothing."""
+        whole, part = self.whole, self.part
+        if whole is None or part._system.walls is None or whole._system.walls is None:
+            return None
+        body = whole._system.walls.body[:, _ASSIGNED]
+        loaded = [wall.has_new_load() for wall in whole.plates]
+        records = [(wall.record, wall.until_record) for wall in whole.plates]
+        if not any(loaded) and np.array_equal(body, part._system.walls.body[:, _ASSIGNED]):
+            if records == [(wall.record, wall.until_record) for wall in part.plates]:
+                return None
+        return body, any(loaded), records
+
+    def hear_of_walls(self, news: Any) -> None:
+        """Take over news of the walls."""
+        body, loaded, records = news
+        self.part._system.walls.body[:, _ASSIGNED] = body
+        for wall, (every, until) in zip(self.part.plates, records):
+            wall.record = every
+            wall.until_record = until
+        if loaded:
+            self.part._primed = None
+
     # Results -----------------------------------------------------------------------------------------------------------
 
     @property
@@ -247,95 +286,6 @@ class SharedAssembly(Bordering):
         return self.part.time
 
     @property
-    def halo(self) -> int:
-        """Particles of other ranks that this one needs."""
-        return len(self._halo.into)
-
-    @property
     def seconds(self) -> dict[str, float]:
         """Time of this rank in exchanging rows (waiting for others included) and in agreeing on numbers, s."""
         return {"exchange": float(self._seconds[0]), "agreement": float(self._seconds[1])}
-
-    def own_energies(self) -> dict[str, float]:
-        """This rank's part of the energies, J, which sum up to those of all particles."""
-        part = self.part
-        own = part._system
-        part._system = own._replace(sums=self._sums())
-        terms = energies.table(part)
-        part._system = own
-        if part.count and int(self._border.start[-1]):
-            view = copy.copy(part)
-            view._system, view.count = self._border, len(self._border.position)
-            view._ids = view._rows = np.arange(view.count)
-            view._radii = self._border.position[:, RADIUS].copy()
-            found = network.contacts(view, with_forces=False)
-            for name, energy in network.stored(view, found).items():
-                terms[f"elastic_{name}"] = terms.get(f"elastic_{name}", 0.0) + 0.5 * energy
-        if self.comm.rank > 0:  # bodies of walls move on all ranks alike
-            terms["kinetic_walls"] = terms["imposed"] = 0.0
-        return terms
-
-    def energies(self) -> dict[str, float]:
-        """Energies of all particles by term, J; see `Assembly.energies`."""
-        terms = self.own_energies()
-        return dict(zip(terms, self.comm.allreduce(np.array(list(terms.values()))).tolist()))
-
-    def energy_balance(self) -> float:
-        """Absolute imbalance, J; see `Assembly.energy_balance`."""
-        return energies.balance_of(self.energies())
-
-    def _sums(self) -> np.ndarray:
-        """Energy sums of this rank, contacts across borders by half; of what all ranks sum alike, rank 0's."""
-        sums = self.part._system.sums + 0.5 * self._border_sums
-        if self.comm.rank > 0:
-            sums[WALLS] = 0.0
-        return sums
-
-    def gather(self, values: np.ndarray) -> np.ndarray | None:
-        """Values (owned, ...) in the order of the part's ids as (all, ...) in that of the whole scene, on rank 0."""
-        parts = self.comm.gather((self.ids, values), root=0)
-        if parts is None:
-            return None
-        found = np.zeros((self.count, *values.shape[1:]), dtype=values.dtype)
-        for ids, some in parts:
-            found[ids] = some
-        return found
-
-    def collect(self) -> Assembly | None:
-        """The whole scene as it is now on rank 0, with all contacts and energies; None elsewhere."""
-        part, comm, whole = self.part, self.comm, self.whole
-        system = part._system
-        own = {name: getattr(system, name) for name in ROWS if getattr(system, name) is not None}
-        inner, border = all_pairs(part, self.ids, self.count), self._border_pairs()
-        lower = np.isin(border.key // self.count, self.ids)
-        pairs = np.concatenate([inner.key, border.key[lower]]), np.hstack([inner.history, border.history[:, lower]])
-        walls = None if system.walls is None else (self.ids[part._ids[system.walls.row]], *wall_pairs(system.walls))
-        self._file_breaks()
-        self._breaks = [np.concatenate(self._breaks)]
-        parts = comm.gather((self.ids[part._ids], own, pairs, walls, self._sums(), self._breaks[0]), root=0)
-        if whole is None:
-            return None
-        for numbers_of, rows, *_ in parts:
-            places = whole._rows[numbers_of]
-            for name, values in rows.items():
-                getattr(whole._system, name)[places] = values
-        whole._system.clock[:] = system.clock
-        whole.skin = part.skin
-        if part.cell is not None and whole.cell is not None:
-            for name in ("matrix", "gradient", "rate", "anchor"):
-                getattr(whole.cell.arrays, name)[:] = getattr(part.cell.arrays, name)
-        if system.walls is not None:
-            for name in ("body", "wall"):
-                getattr(whole._system.walls, name)[:] = getattr(system.walls, name)
-            for mine, theirs in zip(whole.plates, part.plates):
-                mine._rows, mine.until_record = list(theirs._rows), theirs.until_record
-        whole._system.history[:] = 0.0
-        whole._system.clock[TRAVEL] = 0.0
-        listing.rebuild(whole)
-        whole._system.sums[:] = sum(sums for *_, sums, _ in parts)
-        take_histories(whole, [pairs for _, _, pairs, *_ in parts], [walls for *_, walls, _, _ in parts])
-        broken = np.concatenate([breaks for *_, breaks in parts])
-        whole._file_breaks()
-        whole._breaks = [broken[np.lexsort((*np.sort(broken[:, 1:3], axis=1).T, broken[:, 0]))]]
-        whole._primed = part._primed
-        return whole

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,8 +11,10 @@ import numpy as np
 from particles import holding
 from particles.assembly import Assembly
 from particles.columns import aligned
+from particles.contacts import SCRATCH
 from particles.neighbours import ROOM
 from particles.system import Breaks
+from particles.walls.rows import OWNER
 
 ROWS = (
     "position", "velocity", "acceleration", "force", "spin", "angular", "torque", "lightness", "rotation", "nimbleness",
@@ -94,6 +98,36 @@ def take_histories(whole: Assembly, pairs: list[Any], walls: list[Any]) -> None:
     for k, one in enumerate(zip(whole._ids[system.walls.row].tolist(), facet.tolist(), image.tolist())):
         if one in listed:
             values[:, k] = listed[one]
+
+
+def sent(comm: Any, soil: Assembly | None) -> Assembly:
+    """A copy of rank 0's assembly on every rank; walls that are driven by functions of time know them on rank 0 alone (collective)."""
+    part: Assembly = pickle.loads(comm.bcast(None if soil is None else pickle.dumps(_without_functions(soil)), root=0))
+    system = part._system
+    if system.walls is not None:
+        for wall, row in zip(part.plates, system.walls.wall):
+            owner = int(row[OWNER])
+            wall.attach(row, system.walls.body[owner], owner)
+    part._system = system._replace(scratch=aligned((SCRATCH,)))
+    if soil is not None:
+        for mine, theirs in zip(part.plates, soil.plates):
+            mine._body.given = theirs._body.given
+    return part
+
+
+def _without_functions(soil: Assembly) -> Assembly:
+    """The same assembly with what cannot be sent left out: functions of time of walls, what is made anew."""
+    found = copy.copy(soil)
+    bodies: dict[int, Any] = {}
+    found.plates, found._loads = [], None
+    for wall in soil.plates:
+        body = bodies.setdefault(id(wall._body), copy.copy(wall._body))
+        body.given = {}
+        found.plates.append(copy.copy(wall))
+        found.plates[-1]._body = body
+    walls = soil._system.walls
+    found._system = soil._system._replace(records=None, walls=None if walls is None else walls._replace(drive=None))
+    return found
 
 
 class Cargo(NamedTuple):

@@ -30,7 +30,7 @@ from studies.foundation_models import (
     no_particles,
     on_root_only,
 )
-from studies.foundation_shared import SharedParticleFoundation, spread_of
+from studies.foundation_shared import SharedParticleFoundation
 from studies.foundation_steps import fit_substeps, warn_of_growth
 from studies.snapshots import Snapshot
 
@@ -219,7 +219,7 @@ class SharedBridgedFoundation(BridgedFoundation):
         self._watch(self._stopwatch)
 
     def parallel(self) -> dict[str, Any]:
-        return spread_of(self.shared, self._stopwatch)
+        return self.shared.parallel(self._stopwatch.parts["particles"])
 
 
 class OverlapFoundation(CoupledFoundation):
