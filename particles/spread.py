@@ -112,6 +112,11 @@ def ranks() -> int:
     return 1 if _crew is None else _crew.comm.size
 
 
+def parallel(soil: Any) -> dict[str, Any]:
+    """How the work on an assembly is shared out, see `SharedAssembly.parallel`; nothing on one rank."""
+    return soil.parallel() if isinstance(soil, SpreadAssembly) else {}
+
+
 def lead(work: Callable[[], Result], comm: Any = MPI.COMM_WORLD) -> Result:
     """Result of a script that rank 0 runs while the others follow, on every rank; its errors of the kinds `TOLD`, too (collective).
 

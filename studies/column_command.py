@@ -8,13 +8,12 @@ import click
 import numpy as np
 
 from studies.column import TITLE, Parameters, lube, staron_hinch
-from studies.foundation_command import unstable
+from studies.leading import led
 from studies.options import (
     brief,
     click_options,
     no_fields_option,
     no_figures_option,
-    one_rank,
     output_option,
     quiet_option,
 )
@@ -43,28 +42,23 @@ def command(
         if not 1 <= value <= most:
             raise ValueError(f"{option}={brief(value)} must be between 1 and {most}")
     p = Parameters(**values)
-    one_rank("column")
 
     from bridge.output import check_folder
 
     folder = check_folder(output)
 
-    from particles import Unstable
-    from particles.driving import NotSettled
-    from studies.column_run import carry_out
+    def script() -> str:
+        from studies.column_run import carry_out
 
-    try:
         summary = carry_out(
             p, folder, samples=samples, frames=0 if no_fields else frames, figures=not no_figures, progress=not quiet
         )
-    except (NotSettled, Unstable) as failure:  # before the release
-        return unstable(str(failure))
-    if not summary["stable"]:
-        return unstable(summary["message"])
-    if not quiet:
-        click.echo(report(summary))
-        click.echo(f"results in {folder}")
-    return 0
+        if summary["stable"] and not quiet:
+            click.echo(report(summary))
+            click.echo(f"results in {folder}")
+        return summary["message"]
+
+    return led(script)
 
 
 def report(summary: dict[str, Any]) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from particles import Assembly, LiChu, Plate
 from particles.driving import settle
+from particles.spread import spread
 from studies import packing_cache
 from studies.column import GRAVITY, Parameters
 
@@ -37,7 +38,7 @@ class Column:
         settled = self._settled(places, radii, stiffness)
         self.height = float((settled[:, 1] + radii).max())
         self.aspect = self.height / width
-        self.soil = Assembly(settled, radii, p.density, self._law(stiffness, p.friction, p.rolling_friction))
+        self.soil = spread(Assembly(settled, radii, p.density, self._law(stiffness, p.friction, p.rolling_friction)))
         reach = width * (3.0 + 4.0 * aspect)
         thick = 4.0 * p.radius
         self.soil.add_wall(Plate.rectangle((-thick, -thick), (20.0 * reach, 0.0), name="floor"), self._wall(0.0, -thick))
@@ -64,7 +65,7 @@ class Column:
     def _settled(self, places: np.ndarray, radii: np.ndarray, stiffness: float) -> np.ndarray:
         """Positions at rest under gravity between wall and gate, without friction (no forces that the release would lose)."""
         p, thick = self.parameters, 4.0 * self.parameters.radius
-        soil = Assembly(places, radii, p.density, self._law(stiffness, 0.0, 0.0))
+        soil = spread(Assembly(places, radii, p.density, self._law(stiffness, 0.0, 0.0)))
         floor = Plate.rectangle((-thick, -thick), (self.width + thick, 0.0), name="floor")
         soil.add_wall(floor, self._wall(0.0, -thick), self._wall(self.width, thick))
         step = p.step_ratio * soil.critical_step(sharp=True, contact_range=0.01)

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
+from particles.spread import parallel, ranks
 from studies.column import Parameters, lube, staron_hinch
 from studies.column_model import Column
 
@@ -48,7 +50,7 @@ def carry_out(
         progress: show a bar on terminals.
     """
     watch = Stopwatch()
-    folder = output.prepare_folder(folder)
+    folder = output.prepare_folder(folder, MPI.COMM_SELF)
     names = [f"particles_{aspect:g}" for aspect in p.ratios]
     output.clear(folder, FILES, names)
     history = output.HistoryFile(folder / "history.csv")
@@ -141,13 +143,14 @@ def summarise(p: Parameters, fallen: list[Fallen], watch: Stopwatch, heard: list
     energy = {name: sum(one.column.energies()[name] for one in fallen) for name in names}
     return {
         "study": "column", "method": "dem", "seed": p.seed, "parameters": asdict(p), "versions": output.versions(),
-        "ranks": 1, "threads": 1, "counts": {"particles": sum(counts), "columns": len(fallen), "fine_steps": sum(steps)},
+        "ranks": ranks(), "threads": 1, "counts": {"particles": sum(counts), "columns": len(fallen), "fine_steps": sum(steps)},
         "steps": {"fine": [one.column.step for one in fallen], "fine_critical": [one.column.step / p.step_ratio for one in fallen]},
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())},
         "particle_steps_per_second": float(np.dot(counts, steps)) / stepping if stepping > 0.0 else 0.0,
         "results": {
             name: {"value": value, "unit": unit, "published": published} for name, (value, unit, published) in lists.items()
         },
+        "parallel": [parallel(one.column.soil) for one in fallen],
         "energy": energy | {"balance_error": max(balance_error(one) for one in fallen)},
         "stable": outcome.stable, "message": outcome.message, "warnings": heard,
     }  # fmt: skip

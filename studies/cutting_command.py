@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from studies.cutting import METHODS, TITLE, Parameters
-from studies.foundation_command import unstable
+from studies.leading import led
 from studies.options import (
     click_options,
     no_fields_option,
@@ -47,35 +47,39 @@ def command(
         raise ValueError(f"frames={frames} must be between 3 and 10000")
     parameters = Parameters(**values)
     wanted = [dataclasses.replace(parameters, method=method) for method in METHODS] if compare else [parameters]
-    one_rank("cutting")
+    if compare or parameters.method != "dem":
+        one_rank("cutting with a continuum (overlap)")
 
     from bridge.output import check_folder, write_json, write_text
 
     folder = check_folder(output)
 
-    from studies.cutting_run import Finished, carry_out
+    def script() -> str:
+        from studies.cutting_run import Finished, carry_out
 
-    runs: list[Finished] = []
-    for p in wanted:
-        place = folder / p.method if compare else folder
-        done = carry_out(
-            p, place, samples=samples, frames=frames, fields=not no_fields, figures=not no_figures, progress=not quiet
-        )
-        if not done.outcome.stable:
-            return unstable(done.outcome.message)
-        runs.append(done)
-    if compare:
-        found = comparison(*(done.summary for done in runs))
-        write_json(Path(folder) / "comparison.json", found)
-        write_text(Path(folder) / "comparison.txt", compared(found))
-        if not no_figures:
-            from studies.cutting_figures import force
+        runs: list[Finished] = []
+        for p in wanted:
+            place = folder / p.method if compare else folder
+            done = carry_out(
+                p, place, samples=samples, frames=frames, fields=not no_fields, figures=not no_figures, progress=not quiet
+            )
+            if not done.outcome.stable:
+                return done.outcome.message
+            runs.append(done)
+        if compare:
+            found = comparison(*(done.summary for done in runs))
+            write_json(Path(folder) / "comparison.json", found)
+            write_text(Path(folder) / "comparison.txt", compared(found))
+            if not no_figures:
+                from studies.cutting_figures import force
 
-            force(runs, Path(folder) / "comparison.png")
-    if not quiet:
-        click.echo(compared(found) if compare else report(runs[0].summary))
-        click.echo(f"results in {folder}")
-    return 0
+                force(runs, Path(folder) / "comparison.png")
+        if not quiet:
+            click.echo(compared(found) if compare else report(runs[0].summary))
+            click.echo(f"results in {folder}")
+        return ""
+
+    return led(script)
 
 
 def comparison(dem: dict[str, Any], overlap: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from bridge import Overlap
+from particles.spread import spread
 from studies import cutting as scene
 from studies.cracks import fragments
 from studies.cutting import Parameters
@@ -92,7 +93,7 @@ class ParticleBlock(Block):
 
     def __init__(self, p: Parameters) -> None:
         super().__init__(p)
-        self.soil = scene.bonded(p)
+        self.soil = spread(scene.bonded(p))
         width, height = p.size
         x, y = self.soil.reference.T
         reach = scene.HELD * scene.RADII[1]

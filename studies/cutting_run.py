@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
+from particles.spread import parallel, ranks
 from studies import cutting as scene
 from studies.cracks import cracks
 from studies.cutting import Parameters
@@ -116,7 +118,7 @@ def carry_out(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         model = set_up(p, watch)
-        folder = output.prepare_folder(folder)
+        folder = output.prepare_folder(folder, MPI.COMM_SELF)
         output.clear(folder, FILES, SERIES)
         history = output.HistoryFile(folder / "history.csv")
         states: list[State] = []
@@ -217,10 +219,11 @@ def summarise(done: Finished, watch: Stopwatch, heard: list[str]) -> dict[str, A
     resolved = {"block": "x".join(f"{side:g}" for side in p.size), "depth": p.cut_depth, "region": p.region_text, "element_size": p.cell_size}
     return {
         "study": "cutting", "method": p.method, "parameters": asdict(p) | resolved, "seed": p.seed, "versions": output.versions(),
-        "ranks": 1, "threads": 1, "counts": counts, "steps": model.step_sizes,
+        "ranks": ranks(), "threads": 1, "counts": counts, "steps": model.step_sizes,
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())},
         "particle_steps_per_second": counts["particles"] * counts["fine_steps"] / stepping if stepping > 0.0 else 0.0,
         "results": {name: {"value": value, "unit": unit, "published": None} for name, (value, unit) in done.results.items()},
+        "parallel": parallel(model.soil),
         "energy": energy | {"balance_error": abs(energy["balance"]) / work if work > 0.0 else math.nan},
         "stable": outcome.stable, "message": outcome.message, "warnings": heard,
     }  # fmt: skip

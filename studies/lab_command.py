@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
-from studies.foundation_command import unstable
 from studies.lab import Biaxial, Parameters, Shear, Triaxial
-from studies.options import brief, click_options, no_fields_option, no_figures_option, one_rank, quiet_option
+from studies.leading import led
+from studies.options import brief, click_options, no_fields_option, no_figures_option, quiet_option
 
 HELP = """A dense random packing in a periodic cell is compressed isotropically to the confining stress and then {what}, so
 slowly that results depend on friction, size distribution and stiffness level only. Strains are logarithmic; axial strain
@@ -44,28 +44,24 @@ def _command(kind: type[Parameters]) -> click.Command:
             if not 1 <= value <= most:
                 raise ValueError(f"{option}={brief(value)} must be between 1 and {most}")
         parameters = kind(**values)
-        one_rank(name)
 
         from bridge.output import check_folder
 
         folder = check_folder(output)
 
-        from particles import Unstable
-        from studies.lab_run import carry_out
+        def script() -> str:
+            from studies.lab_run import carry_out
 
-        try:
             done = carry_out(
                 parameters, folder, samples=samples, frames=0 if no_fields else frames, figures=not no_figures,
                 progress=not quiet,
             )  # fmt: skip
-        except Unstable as failure:  # in the isotropic compression
-            return unstable(str(failure))
-        if not done.outcome.stable:
-            return unstable(done.outcome.message)
-        if not quiet:
-            click.echo(report(done.summary))
-            click.echo(f"results in {folder}")
-        return 0
+            if done.outcome.stable and not quiet:
+                click.echo(report(done.summary))
+                click.echo(f"results in {folder}")
+            return done.outcome.message
+
+        return led(script)
 
     return command
 

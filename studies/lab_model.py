@@ -9,6 +9,7 @@ import numpy as np
 
 from particles import Assembly, LiChu, PeriodicCell
 from particles.measures import coordination, moduli
+from particles.spread import spread as shared
 from studies import packing_cache
 from studies.lab import Parameters
 from studies.lab_cell import ServoCell
@@ -37,14 +38,14 @@ class ElementTest:
         self.parameters = p
         places, radii, size = packing(p)
         loose = p.preparation_friction > 0.0
-        spread = LOOSENING if loose else 1.0
-        cell = PeriodicCell(spread * size)
-        first = Assembly(spread * places, radii, p.density, law(p, p.preparation_friction), cell=cell)
+        wider = LOOSENING if loose else 1.0
+        cell = PeriodicCell(wider * size)
+        first = shared(Assembly(wider * places, radii, p.density, law(p, p.preparation_friction), cell=cell))
         if loose:
             shake(first, p)
-        settled = servo(p, first, spread - 1.0).compress(p.pressure, TOLERANCE)
+        settled = servo(p, first, wider - 1.0).compress(p.pressure, TOLERANCE)
         self.cell = PeriodicCell(cell.matrix.diagonal())
-        self.soil = Assembly(first.positions, radii, p.density, law(p, p.friction), cell=self.cell)
+        self.soil = shared(Assembly(first.positions, radii, p.density, law(p, p.friction), cell=self.cell))
         self.servo = servo(p, self.soil)
         self.settled = self.servo.compress(p.pressure, TOLERANCE) and settled
         self.servo.rest()

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
+from particles.spread import parallel, ranks
 from studies.lab import Parameters
 from studies.lab_model import ElementTest, fitted_moduli
 
@@ -84,7 +86,7 @@ def carry_out(
         warnings.simplefilter("always", UserWarning)
         model = ElementTest(p)
     heard = [str(w.message) for w in caught if w.category is UserWarning]
-    folder = output.prepare_folder(folder)
+    folder = output.prepare_folder(folder, MPI.COMM_SELF)
     output.clear(folder, FILES, SERIES)
     history = output.HistoryFile(folder / "history.csv")
     series = {name: output.Series(folder / "fields", name) for name in SERIES} if frames else {}
@@ -193,12 +195,13 @@ def summarise(done: Finished, watch: Stopwatch, energy: dict[str, float], heard:
     return {
         "study": p.study, "method": "dem", "seed": p.seed,
         "parameters": asdict(p) | {"rate": p.rate, "normal_stiffness": p.normal_stiffness},
-        "versions": output.versions(), "ranks": 1, "threads": 1,
+        "versions": output.versions(), "ranks": ranks(), "threads": 1,
         "counts": {"particles": model.soil.count, "contacts": len(model.soil.contacts().first), "fine_steps": outcome.steps},
         "steps": {"fine": model.step, "fine_critical": model.step / p.step_ratio},
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())},
         "particle_steps_per_second": model.soil.count * outcome.steps / stepping if stepping > 0.0 else 0.0,
         "results": {name: {"value": value, "unit": unit, "published": None} for name, (value, unit) in found.items()},
+        "parallel": parallel(model.soil),
         "energy": energy | {"balance_error": abs(energy["balance"] / energy["external_work"])},
         "stable": outcome.stable, "message": outcome.message, "warnings": heard,
     }  # fmt: skip

@@ -6,13 +6,12 @@ from typing import Any
 
 import click
 
-from studies.foundation_command import unstable
+from studies.leading import led
 from studies.options import (
     brief,
     click_options,
     no_fields_option,
     no_figures_option,
-    one_rank,
     output_option,
     quiet_option,
 )
@@ -56,23 +55,23 @@ def _command(kind: type[Parameters]) -> click.Command:
         """Check everything, then run; returns the exit status."""
         check_counts(samples=samples, frames=frames)
         parameters = kind(**values)
-        one_rank(name)
 
         from bridge.output import check_folder
 
         folder = check_folder(output)
 
-        from studies.rock_run import carry_out
+        def script() -> str:
+            from studies.rock_run import carry_out
 
-        summary = carry_out(
-            parameters, folder, samples=samples, frames=frames, fields=not no_fields, figures=not no_figures, progress=not quiet
-        )
-        if not summary["stable"]:
-            return unstable(summary["message"])
-        if not quiet:
-            click.echo(report(summary))
-            click.echo(f"results in {folder}")
-        return 0
+            summary = carry_out(
+                parameters, folder, samples=samples, frames=frames, fields=not no_fields, figures=not no_figures, progress=not quiet
+            )
+            if summary["stable"] and not quiet:
+                click.echo(report(summary))
+                click.echo(f"results in {folder}")
+            return summary["message"]
+
+        return led(script)
 
     return command
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from particles import Assembly, Wall, measures, shapes
 from particles.laws.bonded import Bonded
+from particles.spread import spread
 from studies import packing_cache
 from studies.rock import Parameters
 
@@ -18,7 +19,7 @@ def specimen(p: Parameters, seed: int) -> Assembly:
         p.region, (p.smallest_radius, p.largest_radius), p.porosity, seed, exponent=p.size_exponent, nearest=True
     )
     law = Bonded(p.normal_stiffness, p.shear_stiffness, p.tensile_strength, p.shear_strength, friction=p.friction)
-    soil = Assembly(places, radii, p.density, law)
+    soil = spread(Assembly(places, radii, p.density, law))
     soil.bond(p.bond_reach)
     return soil
 

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
+from particles.spread import parallel, ranks
 from studies.cracks import cracks, fragments
 from studies.rock import Parameters
 from studies.rock_model import Specimen
@@ -101,7 +103,7 @@ def carry_out(
         progress: show a bar on terminals.
     """
     watch = Stopwatch()
-    folder = output.prepare_folder(folder)
+    folder = output.prepare_folder(folder, MPI.COMM_SELF)
     seeds = range(p.seed, p.seed + p.packings)
     output.clear(folder, FILES, [f"{kind}_{seed}" for seed in seeds for kind in ("particles", "cracks")])
     history = output.HistoryFile(folder / "history.csv")
@@ -217,13 +219,13 @@ def summarise(p: Parameters, done: list[Tested], watch: Stopwatch, heard: list[s
     energy = {name: sum(one.model.energies()[name] for one in done) for name in done[0].model.energies()}
     count, steps = [one.model.soil.count for one in done], [one.outcome.steps for one in done]
     return {
-        "study": p.study, "method": "dem", "seed": p.seed, "parameters": asdict(p), "versions": output.versions(), "ranks": 1,
+        "study": p.study, "method": "dem", "seed": p.seed, "parameters": asdict(p), "versions": output.versions(), "ranks": ranks(),
         "threads": 1,
         "counts": {"packings": len(done), "particles": sum(count), "bonds": sum(len(one.model.bonds) for one in done),
                    "fine_steps": sum(steps)},
         "steps": {"fine": [one.model.step for one in done], "fine_critical": [one.model.critical for one in done]},
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())},
         "particle_steps_per_second": float(np.dot(count, steps)) / stepping if stepping > 0.0 else 0.0,
-        "results": found, "energy": energy | {"balance_error": max(one.balance_error for one in done)},
+        "results": found, "parallel": [parallel(one.model.soil) for one in done], "energy": energy | {"balance_error": max(one.balance_error for one in done)},
         "stable": last.stable, "message": last.message, "warnings": heard,
     }  # fmt: skip
