@@ -121,11 +121,11 @@ class Assembly:
         self._imposed = 0.0
         self._sorted_at: np.ndarray | None = None
         self._outer: pruning.OuterList | None = None
-        self._mean_radius = float(mean)
+        self._mean_radius = float(mean)  # of the whole scene where this is a part
         self._breaks: list[np.ndarray] = []
         usual = listing.skin_scale(max(count, 1), listing.GAPS[self.axes] * max(count, 1) / mean)
         self._system = self._first_system(density, usual if skin is None else 0.0)
-        self._typical = mean, float(self._masses.mean()) if count else 1.0  # radius and mass, also where this is a part
+        self._mean_mass = float(self._masses.mean()) if count else 1.0
         listing.rebuild(self)
         self._refuse_coincident()
         self._imposed = self._mechanical()
@@ -325,7 +325,7 @@ class Assembly:
         old = 1.0 if self._system.share is None else self._system.share[self._rows, 1]
         change = shares[self._rows, 1] / old
         self._masses, self._inertias = self._masses * change, self._inertias * change
-        self._typical = self._typical[0], float(self._masses.mean()) if self.count else 1.0
+        self._mean_mass = float(self._masses.mean()) if self.count else 1.0
         self._system = self._system._replace(share=shares)
         holding.compose(self)
         self._compose_external()

@@ -178,6 +178,7 @@ class SharedAssembly(Gathered):
             problem = failure
         problems = [failure for failure in self.comm.allgather(problem) if failure is not None]
         if problems:
+            problems[0].on_all_ranks = True
             raise problems[0]
 
     # Stepping ----------------------------------------------------------------------------------------------------------
@@ -205,8 +206,9 @@ class SharedAssembly(Gathered):
         walls = part._system.walls
         if walls is not None and (walls.drive is not None or (walls.body[:, DRIVEN] > 0.0).any()):
             # functions of time may be known on rank 0 alone
-            drive = driven(part.plates, walls, part.time, step, steps).drive if self.comm.rank == 0 else None
-            part._system = part._system._replace(walls=walls._replace(drive=self.comm.bcast(drive, root=0)))
+            found: list[Any] = []
+            self._together(lambda: found.append(None if self.comm.rank else driven(part.plates, walls, part.time, step, steps).drive))
+            part._system = part._system._replace(walls=walls._replace(drive=self.comm.bcast(found[0], root=0)))
             walls.drive_step[0] = 0
         return terms
 

@@ -145,7 +145,7 @@ def _pruned(soil: Assembly, position: np.ndarray, old_row_of: np.ndarray | None)
         )
     if system.clock[SKIN_SCALE] and outer.skin > 2.0 * soil.skin:
         more = (outer.start[-1] - start[-1]) / (outer.skin - soil.skin)  # pairs for each metre of skin
-        system.clock[SKIN_SCALE] = skin_scale(soil.count, max(more, soil.count / soil._mean_radius))
+        system.clock[SKIN_SCALE] = skin_scale(soil.count, max(more, max(soil.count, 1) / soil._mean_radius))
     return {"start": start, "first": first, "second": second, "history": history}
 
 

@@ -209,7 +209,8 @@ def unload(soil: Assembly, cargos: list[Cargo], whole: int) -> tuple[np.ndarray,
     soil._held = {int(np.searchsorted(numbers, one)): free for cargo in cargos for one, free in cargo.held.items()}
     soil._ids = np.arange(count, dtype=np.int32)
     soil._rows = np.arange(count, dtype=np.int32)
-    soil._sorted_at, soil.count, soil._system = None, count, system._replace(**changed)
+    soil._sorted_at = soil._outer = None
+    soil.count, soil._system = count, system._replace(**changed)
     soil._labels = numbers
     soil.generation += 1
     holding.compose(soil)

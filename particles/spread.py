@@ -19,10 +19,13 @@ import numpy as np
 from mpi4py import MPI
 
 from particles.assembly import Assembly
+from particles.cell import checked_gradient
 from particles.driving import NotSettled
 from particles.exchange import SharedAssembly
 from particles.motion import Unstable
 from particles.parts import sent
+from particles.state import State
+from particles.state import restore as restore_whole
 
 Result = TypeVar("Result")
 TOLD = (ValueError, OSError, Unstable, NotSettled, KeyboardInterrupt)  # errors that a script ends with on every rank
@@ -61,7 +64,7 @@ class _Crew:
         """Let all ranks do something with an assembly; the result of rank 0."""
         gone, self._gone = self._gone, []
         self._pass_on((gone, number, name, arguments, options))
-        return self._do(gone, number, name, arguments, options)
+        return self._do_first(gone, number, name, arguments, options)
 
     def take(self, number: int, soil: Assembly) -> SharedAssembly:
         """Spread an assembly that rank 0 has."""
@@ -79,6 +82,15 @@ class _Crew:
     def _do(self, gone: list[int], number: int, name: str, arguments: Any, options: Any) -> Any:
         self._drop(gone)
         return getattr(self._shared[number], name)(*arguments, **options)
+
+    def _do_first(self, *order: Any) -> Any:
+        """The same on rank 0: an error of this rank alone is none that a script may go on from, the others are at work."""
+        try:
+            return self._do(*order)
+        except TOLD as error:
+            if getattr(error, "on_all_ranks", False):
+                raise
+            raise RuntimeError(f"rank 0 failed while all ranks were at work: {error}") from error
 
     def end(self, result: Any, error: BaseException | None) -> None:
         self._pass_on((self._gone, -1, "end", (result, error), {}))
@@ -100,8 +112,9 @@ class _Crew:
                     self._shared[number] = SharedAssembly(lambda: sent(self.comm, None), self.comm)
                 else:
                     self._do(gone, number, name, arguments, options)
-            except TOLD:  # on all ranks together: the script on rank 0 has it, too
-                pass
+            except TOLD as error:
+                if not getattr(error, "on_all_ranks", False):  # then the script on rank 0 has it, too
+                    raise
 
 
 _crew: _Crew | None = None
@@ -110,6 +123,14 @@ _crew: _Crew | None = None
 def ranks() -> int:
     """How many ranks an assembly that is spread here is on."""
     return 1 if _crew is None else _crew.comm.size
+
+
+def restore(soil: Any, state: State) -> None:
+    """Put a state of `particles.state.state_of` into an assembly, spread or not."""
+    if isinstance(soil, SpreadAssembly):
+        soil._change(lambda whole: restore_whole(whole, state))
+    else:
+        restore_whole(soil, state)
 
 
 def parallel(soil: Any) -> dict[str, Any]:
@@ -200,8 +221,11 @@ class SpreadAssembly:
 
     def advance(self, steps: int, step: float, **loads: Any) -> None:
         """See `Assembly.advance`."""
+        if int(steps) != steps or steps < 0:
+            raise ValueError(f"steps={steps} must be a whole number, zero or positive")
+        self._soil.terms(**loads)  # refused here, before all ranks are at work
         if steps > 0:
-            self._step("advance", steps, step, **loads)
+            self._step("advance", int(steps), step, **loads)
 
     def prepare(self, step: float, steps: int = 1, **loads: Any) -> None:
         """Compute forces and accelerations of the present state; see `Assembly.prepare`."""
@@ -209,9 +233,10 @@ class SpreadAssembly:
 
     def deform(self, velocity_gradient: Any) -> None:
         """See `Assembly.deform`."""
-        if self._shared is None:
+        if self._shared is None or self._soil.cell is None:
             self._soil.deform(velocity_gradient)
         else:
+            checked_gradient(self._soil.cell, velocity_gradient)
             self._step("deform", velocity_gradient)
 
     def _sum(self, name: str) -> Any:

@@ -8,7 +8,8 @@ import numpy as np
 
 from particles import Assembly, LiChu, Plate
 from particles.driving import settle
-from particles.spread import spread
+from particles.spread import restore, spread
+from particles.state import State, state_of
 from studies import packing_cache
 from studies.column import GRAVITY, Parameters
 
@@ -23,9 +24,10 @@ class Column:
     Args:
         p: parameters.
         aspect: height over width before it settles.
+        begun: state of a fall that was begun before; without it the column is settled.
     """
 
-    def __init__(self, p: Parameters, aspect: float) -> None:
+    def __init__(self, p: Parameters, aspect: float, begun: State | None = None) -> None:
         self.parameters = p
         low = p.radius / p.size_ratio
         mean = math.pi * (p.radius**2 + p.radius * low + low**2) / 3.0  # area of a disc
@@ -35,7 +37,7 @@ class Column:
         stiffness = p.stiffness_level * p.density * GRAVITY * height
         self._mass = p.density * mean
         self.width = width
-        settled = self._settled(places, radii, stiffness)
+        settled = self._settled(places, radii, stiffness) if begun is None else begun["particles"]["reference"]
         self.height = float((settled[:, 1] + radii).max())
         self.aspect = self.height / width
         self.soil = spread(Assembly(settled, radii, p.density, self._law(stiffness, p.friction, p.rolling_friction)))
@@ -71,6 +73,14 @@ class Column:
         step = p.step_ratio * soil.critical_step(sharp=True, contact_range=0.01)
         settle(soil, step, SETTLED, gravity=(0.0, -GRAVITY))
         return soil.positions
+
+    def state(self) -> State:
+        """All that `restore` needs."""
+        return {"particles": state_of(self.soil)}
+
+    def restore(self, state: State) -> None:
+        """Go on from a state."""
+        restore(self.soil, state["particles"])
 
     # What `run` needs ---------------------------------------------------------------------------------------------------
 

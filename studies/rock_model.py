@@ -8,7 +8,8 @@ import numpy as np
 
 from particles import Assembly, Wall, measures, shapes
 from particles.laws.bonded import Bonded
-from particles.spread import spread
+from particles.spread import restore, spread
+from particles.state import State, state_of
 from studies import packing_cache
 from studies.rock import Parameters
 
@@ -65,6 +66,15 @@ class Specimen:
     def radius(self) -> float:
         """Root mean square radius, m: the length of the dimensionless relations."""
         return math.sqrt(float((self.soil.radii**2).mean()))
+
+    def state(self) -> State:
+        """All that `restore` needs."""
+        return {"particles": state_of(self.soil), "peak": self._peak}
+
+    def restore(self, state: State) -> None:
+        """Go on from a state."""
+        restore(self.soil, state["particles"])
+        self._peak = float(state["peak"])
 
     # What `run` needs ---------------------------------------------------------------------------------------------------
 
