@@ -109,6 +109,9 @@ class Interrupted(KeyboardInterrupt):
         super().__init__(message)
         self.number = number
 
+    def __reduce__(self) -> Any:
+        return type(self), (self.number, str(self))
+
 
 class Keeper:
     """Writes checkpoints in a run: every so many seconds, and when the run is asked to stop.

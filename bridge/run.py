@@ -11,22 +11,14 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from mpi4py import MPI
-from numba.core import event
 
 import continuum
 import particles
-from particles.dispatch import COMPILING
+from particles.dispatch import compiled_seconds
 
 PHASES = ("setup", "compile", "stepping", "coupling", "output")
 LONGEST_CHUNK = 50  # steps between two looks for blow-up
 Result = TypeVar("Result")
-_compiling = event.TimingListener()
-event.register(COMPILING, _compiling)
-
-
-def compiled_seconds() -> float:
-    """Seconds so far in which Numba compiled, or loaded what it had compiled before."""
-    return _compiling.duration if _compiling.done else 0.0
 
 
 class Model(Protocol):

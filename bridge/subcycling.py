@@ -16,7 +16,7 @@ from numba import njit
 from bridge.blocks import row_times
 from bridge.substeps import carry_ghosts, ghosts_feel, linear_forces, still_ghosts, take_link
 from particles.block_motion import ONWARD, TO_END
-from particles.motion import drift, evaluate_with, kick_on, stale
+from particles.motion import done_with, drift, evaluate_with, kick_on
 from particles.ranks import highest, sum_together
 from particles.system import INNER, STEPS
 
@@ -212,7 +212,7 @@ def run_coarse(
             carry_ghosts(system, ghosts, nodes, h)
         for j in range(max(first, 0), steps):
             if linear is None:
-                if highest(halo, 1 if stale(system) else 0) == 1:
+                if done_with(system, halo):
                     return j
                 evaluate_with(system, terms, h, border, halo)
             else:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from particles import bonds, energies, holding, listing, motion, network, pruning, stability
+from particles import bonds, driving, energies, holding, listing, motion, network, pruning, stability
 from particles.cell import PeriodicCell, checked_gradient, nearest_image
 from particles.columns import aligned
 from particles.contacts import SCRATCH
@@ -113,6 +113,7 @@ class Assembly:
         self._ids = np.arange(count, dtype=np.int32)  # id of each row
         self._rows = np.arange(count, dtype=np.int32)  # row of each id
         self._ghost = np.zeros(count, dtype=bool)
+        self._labels: np.ndarray | None = None  # numbers of the ids in a larger scene, for messages
         self._external: np.ndarray | None = None
         self._primed: tuple | None = None
         self._loads: tuple[dict[str, Any], Terms] | None = None  # of the last run
@@ -120,10 +121,11 @@ class Assembly:
         self._imposed = 0.0
         self._sorted_at: np.ndarray | None = None
         self._outer: pruning.OuterList | None = None
-        self._mean_radius = float(mean)
+        self._mean_radius = float(mean)  # of the whole scene where this is a part
         self._breaks: list[np.ndarray] = []
         usual = listing.skin_scale(max(count, 1), listing.GAPS[self.axes] * max(count, 1) / mean)
         self._system = self._first_system(density, usual if skin is None else 0.0)
+        self._mean_mass = float(self._masses.mean()) if count else 1.0
         listing.rebuild(self)
         self._refuse_coincident()
         self._imposed = self._mechanical()
@@ -323,6 +325,7 @@ class Assembly:
         old = 1.0 if self._system.share is None else self._system.share[self._rows, 1]
         change = shares[self._rows, 1] / old
         self._masses, self._inertias = self._masses * change, self._inertias * change
+        self._mean_mass = float(self._masses.mean()) if self.count else 1.0
         self._system = self._system._replace(share=shares)
         holding.compose(self)
         self._compose_external()
@@ -374,6 +377,11 @@ class Assembly:
         """
         if self.cell is None:
             raise ValueError("velocity_gradient needs a periodic cell: give the assembly one")
+        self._deform(velocity_gradient, self.masses @ self.positions / self.masses.sum() if self.count else np.zeros(self.axes))
+
+    def _deform(self, velocity_gradient: Any, centre: np.ndarray) -> None:
+        """The same with the mass centre of the whole packing (axes,), m."""
+        assert self.cell is not None
         gradient = checked_gradient(self.cell, velocity_gradient)
         if gradient.any():
             check_deformation(self.plates)
@@ -381,7 +389,7 @@ class Assembly:
         velocities = self.velocities
         velocities[:, : self.axes] += self.positions @ change.T
         self.velocities = velocities
-        self.cell.set_gradient(gradient, self.masses @ self.positions / self.masses.sum() if self.count else np.zeros(self.axes))
+        self.cell.set_gradient(gradient, centre)
 
     def cell_stress(self) -> np.ndarray:
         """Mean stress (axes, axes) in the periodic cell, Pa, tension positive; see `particles.network.cell_stress`.
@@ -588,9 +596,14 @@ class Assembly:
             motion_of = self.velocities[self._ids[row]]
             speed, spin = np.linalg.norm(motion_of[: self.axes]), np.linalg.norm(motion_of[self.axes :])
             raise Unstable(
-                f"particle {self._ids[row]} runs away{where} at t={self.time:g} s with {speed:.3g} m/s and "
+                f"particle {self._label(row)} runs away{where} at t={self.time:g} s with {speed:.3g} m/s and "
                 f"{spin:.3g} rad/s: more than the smallest radius in a step of {step:g} s; take a smaller step"
             )
+
+    def _label(self, row: int) -> int:
+        """Number of a row's particle as the user knows it."""
+        one = int(self._ids[row])
+        return one if self._labels is None else int(self._labels[one])
 
     def trial_forces(self, increment: np.ndarray, velocity: np.ndarray, **loads: Any) -> np.ndarray:
         """Forces (n, freedoms) in ROW order at positions displaced by `increment`, on copies that are discarded.
@@ -612,6 +625,11 @@ class Assembly:
     def energies(self) -> dict[str, float]:
         """Energies by term, J: stored ones now, dissipated ones and works since the start."""
         return energies.table(self)
+
+    def force_sums(self) -> np.ndarray:
+        """What says how far from equilibrium all is (5,): largest resultant on a free particle (N), sum of all, number of free
+        particles; sum of the sizes of the contact forces (N), number of those that are not zero."""
+        return driving.sums_of(self)
 
     def energy_balance(self) -> float:
         """Absolute imbalance (J): stored + dissipated - work put in; falls with the square of the step."""

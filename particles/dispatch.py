@@ -14,7 +14,14 @@ from numba.core.dispatcher import Dispatcher
 from particles.caches import without_cache
 
 COMPILING = "numba:compiler_lock"  # event of Numba while it compiles or loads what it has compiled before
+_compiling = event.TimingListener()
+event.register(COMPILING, _compiling)
 _PLAIN = frozenset((np.ndarray, type(None), float, int, bool, np.float64))
+
+
+def compiled_seconds() -> float:
+    """Seconds so far in which Numba compiled, or loaded what it had compiled before."""
+    return _compiling.duration if _compiling.done else 0.0
 
 
 def _kinds(value: Any) -> Any:

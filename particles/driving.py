@@ -41,18 +41,25 @@ def unbalanced(soil: Assembly) -> Unbalanced:
     Contacts with walls count; held components do not. Without a force in any contact the mean resultant is the measure of
     the largest one, and the ratio of means is infinite, or zero where there are no forces at all.
     """
-    resultant = np.linalg.norm(soil.forces[:, : soil.axes] * _free(soil)[:, : soil.axes], axis=1)
-    found = contacts(soil, with_walls=True)
-    force = np.linalg.norm(found.force, axis=1)
-    acting = force[force > 0.0]
-    moved = np.ones(soil.count, dtype=bool)
-    moved[[i for i, free in soil._held.items() if not free[: soil.axes].any()]] = False
-    resultant = resultant[moved]
-    if not resultant.any():
+    largest, total, moved, force, acting = soil.force_sums()
+    if not total:
         return Unbalanced(0.0, 0.0)
-    if not acting.size:
+    if not acting:
         return Unbalanced(math.inf, math.inf)
-    return Unbalanced(float(resultant.mean() / acting.mean()), float(resultant.max() / acting.mean()))
+    return Unbalanced(total / moved * acting / force, largest * acting / force)
+
+
+def sums_of(soil: Assembly, contacts_only: bool = False) -> np.ndarray:
+    """See `Assembly.force_sums`; with `contacts_only` the first three are zero."""
+    sums = np.zeros(5)
+    if not contacts_only:
+        resultant = np.linalg.norm(soil.forces[:, : soil.axes] * _free(soil)[:, : soil.axes], axis=1)
+        moved = np.ones(soil.count, dtype=bool)
+        moved[[i for i, free in soil._held.items() if not free[: soil.axes].any()]] = False
+        sums[:3] = resultant[moved].max(initial=0.0), resultant[moved].sum(), moved.sum()
+    force = np.linalg.norm(contacts(soil, with_walls=True).force, axis=1)
+    sums[3:] = force.sum(), np.count_nonzero(force)
+    return sums
 
 
 def _free(soil: Assembly) -> np.ndarray:
@@ -106,7 +113,7 @@ def settle(
             rate = min(2.0 * (1.0 if factor is None else factor) * frequency, 1.0 / step)
             loads = {**loads, "mass_damping": rate}
             soil.prepare(step, **loads)  # forces of the state that the next displacements start from
-        place, force = soil.displacements, soil.forces
+            place, force = soil.displacements, soil.forces
         count = min(every, most - done)
         soil.advance(count, step, **loads)
         done += count
@@ -118,10 +125,11 @@ def settle(
                 f"unbalanced force ratio {ratio.mean:.3g} (largest {ratio.largest:.3g}) after {done} steps of {step:g} s has "
                 f"not come down to tolerance={tolerance:g}"
             )
-        moved = (soil.displacements - place) * _free(soil)
-        work, mass = -float(np.sum(moved * (soil.forces - force))), float(np.sum(inertia * moved**2))
-        if work > 0.0 and mass > 0.0:
-            frequency = math.sqrt(work / mass)
+        if damping == "adaptive":
+            moved = (soil.displacements - place) * _free(soil)
+            work, mass = -float(np.sum(moved * (soil.forces - force))), float(np.sum(inertia * moved**2))
+            if work > 0.0 and mass > 0.0:
+                frequency = math.sqrt(work / mass)
 
 
 def _inertia(soil: Assembly) -> np.ndarray:

@@ -43,7 +43,7 @@ def rebuild(soil: Assembly) -> None:
     system, axes = soil._system, soil.axes
     row = neighbours.first_bad(system.position, system.velocity)
     if row >= 0:
-        raise Unstable(f"particle {soil._ids[row]} has no finite position or velocity at t={soil.time:g} s")
+        raise Unstable(f"particle {soil._label(row)} has no finite position or velocity at t={soil.time:g} s")
     largest = soil._largest_radius
     _fit_skin(soil)
     if soil.cell is not None:
@@ -148,7 +148,7 @@ def _pruned(
         )
     if system.clock[SKIN_SCALE] and outer.skin > 2.0 * soil.skin:
         more = (outer.start[-1] - start[-1]) / (outer.skin - soil.skin)  # pairs for each metre of skin
-        system.clock[SKIN_SCALE] = skin_scale(soil.count, max(more, soil.count / soil._mean_radius))
+        system.clock[SKIN_SCALE] = skin_scale(soil.count, max(more, max(soil.count, 1) / soil._mean_radius))
     return {"start": start, "first": first, "second": second, "history": history}
 
 

@@ -52,6 +52,7 @@ from particles.walls.history import record_walls
 from particles.walls.motion import end_walls, move_walls, walls_travel
 
 FINISHED, STALE, UNSTABLE = 0, 1, 2
+EMPTY, WIDE, FITTING, WORN = range(4)  # states of a list: of no particles, wider than needed, as it should be, used up
 CHECK_INTERVAL = 32  # steps between two looks for blow-up
 BLOCK = 256  # rows whose motion is advanced at a time, so that they stay in the fastest cache
 
@@ -328,14 +329,28 @@ def stale(system):
     The sum of largest speeds is looked at first, the true displacements only when that sum exceeds the limit. A list that
     turns out, some steps on, to reach much farther than is needed is done with as well (see `fitting_skin`).
     """
+    return done_with(system, None)
+
+
+@njit(**MERGED_STEPS)
+def done_with(system, halo):
+    """`stale` for lists that all ranks make together (collective): one of them is used up, or all reach too far."""
+    state = highest(halo, _state_of(system))
+    return state == WORN or state == WIDE
+
+
+@njit(**MERGED)
+def _state_of(system):
     clock = system.clock
     if clock[TRAVEL] <= clock[TRAVEL_LIMIT]:
         age = clock[AGE]
         if age != 8.0 and age != 64.0 and age != 512.0:
-            return False
-        return fitting_skin(clock) < clock[TRAVEL_LIMIT]  # half of the present one
+            return FITTING
+        if system.position.shape[0] == 0:
+            return EMPTY
+        return WIDE if fitting_skin(clock) < clock[TRAVEL_LIMIT] else FITTING  # half of the present one
     clock[TRAVEL] = max(travelled(system.position, system.listed, system.cell), walls_travel(system.walls))
-    return not clock[TRAVEL] <= clock[TRAVEL_LIMIT]
+    return FITTING if clock[TRAVEL] <= clock[TRAVEL_LIMIT] else WORN
 
 
 @njit(**STEPS)
@@ -387,7 +402,7 @@ def advance(system, terms, steps, step, resume, border, halo):
     _load(system.force, system.torque, system.lightness, terms.gravity, system.external, 0, system.position.shape[0])
     done = 0
     while True:
-        if highest(halo, STALE if stale(system) else FINISHED) == STALE:
+        if done_with(system, halo):
             return done, STALE
         done += 1
         _evaluate_and_kick(system, terms, step, TO_END if done == steps else ONWARD, border, halo)

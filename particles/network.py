@@ -265,9 +265,14 @@ def cell_stress(soil: Assembly, cell: PeriodicCell) -> np.ndarray:
 
     Contacts with walls count as well, with the arm of the particle. Elastic parts of the forces; without the momentum flux of the particles' own motion.
     """
+    return virial(soil) / cell.volume
+
+
+def virial(soil: Assembly) -> np.ndarray:
+    """Sum (axes, axes) of branch (x) force on i over all contacts, J; those with walls with the arm of the particle."""
     found = contacts(soil, with_walls=True)
     branch = (found.first_arm + found.second_arm)[:, None] * found.normal
-    return branch.T @ found.force / cell.volume
+    return branch.T @ found.force
 
 
 class Before(NamedTuple):

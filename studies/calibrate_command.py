@@ -7,8 +7,8 @@ from typing import Any
 import click
 
 from studies.calibrate import NOT_OPTIONS, TITLE, Targets
-from studies.foundation_command import unstable
-from studies.options import click_options, no_figures_option, one_rank, output_option, quiet_option
+from studies.leading import led
+from studies.options import click_options, no_figures_option, output_option, quiet_option
 from studies.rock import Compression
 
 HELP = f"""{TITLE}.
@@ -29,23 +29,21 @@ def command(output: str, no_figures: bool, quiet: bool, **values: Any) -> int:
     """Check everything, then run; returns the exit status."""
     target = Targets(**{name: values.pop(name) for name in Targets.__dataclass_fields__})
     specimen = Compression(**values)
-    one_rank("calibrate")
 
     from bridge.output import check_folder
 
     folder = check_folder(output)
 
-    from particles import Unstable
-    from studies.calibrate_run import carry_out
+    def script() -> str:
+        from studies.calibrate_run import carry_out
 
-    try:
         summary = carry_out(target, specimen, folder, figures=not no_figures, progress=not quiet)
-    except Unstable as failure:
-        return unstable(str(failure))
-    if not quiet:
-        click.echo(report(summary))
-        click.echo(f"results in {folder}")
-    return 0
+        if not quiet:
+            click.echo(report(summary))
+            click.echo(f"results in {folder}")
+        return ""
+
+    return led(script)
 
 
 def report(summary: dict[str, Any]) -> str:

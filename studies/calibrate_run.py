@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 from scipy.stats import ttest_ind
 
 from bridge import output
 from bridge.run import Stopwatch
 from particles import Unstable
+from particles.spread import ranks
 from studies.calibrate import MICRO, Targets, rock_test
 from studies.calibration import Calibrated, Micro, Relations, refine
 from studies.rock import Compression
@@ -106,7 +108,7 @@ def carry_out(
         Unstable: a specimen blew up.
     """
     watch = Stopwatch()
-    folder = output.prepare_folder(folder)
+    folder = output.prepare_folder(folder, MPI.COMM_SELF)
     output.clear(folder, FILES)
     rows = output.HistoryFile(folder / "runs.csv")
     laboratory = Laboratory(target, specimen, rows.write, watch, progress=progress)
@@ -186,7 +188,7 @@ def summarise(
     settings = {key: value for key, value in asdict(specimen).items() if key not in (*MICRO, "strain", "inner", "packings")}
     return {
         "study": "calibrate", "method": "dem", "seed": specimen.seed, "parameters": asdict(target) | settings,
-        "versions": output.versions(), "ranks": 1, "threads": 1,
+        "versions": output.versions(), "ranks": ranks(), "threads": 1,
         "counts": {"packings": len(own), "check_packings": len(fresh), "rounds": result.rounds, "table": relations.values[..., 0].size},
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())}, "results": found, "check": check,
         "stable": True, "message": "", "warnings": heard,

@@ -8,15 +8,16 @@ import click
 import numpy as np
 
 from studies.column import TITLE, Parameters, lube, staron_hinch
-from studies.foundation_command import unstable
+from studies.leading import led, started
 from studies.options import (
     brief,
+    checkpoint_option,
     click_options,
     no_fields_option,
     no_figures_option,
-    one_rank,
     output_option,
     quiet_option,
+    resume_option,
 )
 
 HELP = f"""{TITLE}.
@@ -34,37 +35,33 @@ for discs without rolling resistance.
 @click.option("--frames", default=6, type=int, metavar="NUMBER", help="Times of the field files a column.  [default: 6]")
 @no_fields_option
 @no_figures_option
+@checkpoint_option
+@resume_option
 @quiet_option
+@click.pass_context
 def command(
-    output: str, samples: int, frames: int, no_fields: bool, no_figures: bool, quiet: bool, **values: Any
-) -> int:
+    context: click.Context, output: str, samples: int, frames: int, no_fields: bool, no_figures: bool, checkpoint_every: float,
+    resume: str | None, quiet: bool, **values: Any,
+) -> int:  # fmt: skip
     """Check everything, then run; returns the exit status."""
     for option, value, most in (("samples", samples, 1_000_000), ("frames", frames, 10_000)):
         if not 1 <= value <= most:
             raise ValueError(f"{option}={brief(value)} must be between 1 and {most}")
     p = Parameters(**values)
-    one_rank("column")
+    folder, start = started(context, output, resume, "column", Parameters)
+    options = {"samples": samples, "frames": 0 if no_fields else frames, "figures": not no_figures}
+    p, options = (p, options) if start is None else (start.parameters, start.options)
 
-    from bridge.output import check_folder
+    def script() -> str:
+        from studies.column_run import carry_out
 
-    folder = check_folder(output)
+        summary = carry_out(p, folder, **options, progress=not quiet, checkpoint_every=checkpoint_every, start=start)
+        if summary["stable"] and not quiet:
+            click.echo(report(summary))
+            click.echo(f"results in {folder}")
+        return summary["message"]
 
-    from particles import Unstable
-    from particles.driving import NotSettled
-    from studies.column_run import carry_out
-
-    try:
-        summary = carry_out(
-            p, folder, samples=samples, frames=0 if no_fields else frames, figures=not no_figures, progress=not quiet
-        )
-    except (NotSettled, Unstable) as failure:  # before the release
-        return unstable(str(failure))
-    if not summary["stable"]:
-        return unstable(summary["message"])
-    if not quiet:
-        click.echo(report(summary))
-        click.echo(f"results in {folder}")
-    return 0
+    return led(script)
 
 
 def report(summary: dict[str, Any]) -> str:

@@ -8,6 +8,8 @@ import numpy as np
 
 from particles import Assembly, LiChu, Plate
 from particles.driving import settle
+from particles.spread import restore, spread
+from particles.state import State, state_of
 from studies import packing_cache
 from studies.column import GRAVITY, Parameters
 
@@ -22,9 +24,10 @@ class Column:
     Args:
         p: parameters.
         aspect: height over width before it settles.
+        begun: state of a fall that was begun before; without it the column is settled.
     """
 
-    def __init__(self, p: Parameters, aspect: float) -> None:
+    def __init__(self, p: Parameters, aspect: float, begun: State | None = None) -> None:
         self.parameters = p
         low = p.radius / p.size_ratio
         mean = math.pi * (p.radius**2 + p.radius * low + low**2) / 3.0  # area of a disc
@@ -34,10 +37,10 @@ class Column:
         stiffness = p.stiffness_level * p.density * GRAVITY * height
         self._mass = p.density * mean
         self.width = width
-        settled = self._settled(places, radii, stiffness)
+        settled = self._settled(places, radii, stiffness) if begun is None else begun["particles"]["reference"]
         self.height = float((settled[:, 1] + radii).max())
         self.aspect = self.height / width
-        self.soil = Assembly(settled, radii, p.density, self._law(stiffness, p.friction, p.rolling_friction))
+        self.soil = spread(Assembly(settled, radii, p.density, self._law(stiffness, p.friction, p.rolling_friction)))
         reach = width * (3.0 + 4.0 * aspect)
         thick = 4.0 * p.radius
         self.soil.add_wall(Plate.rectangle((-thick, -thick), (20.0 * reach, 0.0), name="floor"), self._wall(0.0, -thick))
@@ -64,12 +67,20 @@ class Column:
     def _settled(self, places: np.ndarray, radii: np.ndarray, stiffness: float) -> np.ndarray:
         """Positions at rest under gravity between wall and gate, without friction (no forces that the release would lose)."""
         p, thick = self.parameters, 4.0 * self.parameters.radius
-        soil = Assembly(places, radii, p.density, self._law(stiffness, 0.0, 0.0))
+        soil = spread(Assembly(places, radii, p.density, self._law(stiffness, 0.0, 0.0)))
         floor = Plate.rectangle((-thick, -thick), (self.width + thick, 0.0), name="floor")
         soil.add_wall(floor, self._wall(0.0, -thick), self._wall(self.width, thick))
         step = p.step_ratio * soil.critical_step(sharp=True, contact_range=0.01)
         settle(soil, step, SETTLED, gravity=(0.0, -GRAVITY))
         return soil.positions
+
+    def state(self) -> State:
+        """All that `restore` needs."""
+        return {"particles": state_of(self.soil)}
+
+    def restore(self, state: State) -> None:
+        """Go on from a state."""
+        restore(self.soil, state["particles"])
 
     # What `run` needs ---------------------------------------------------------------------------------------------------
 

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
-from bridge.run import Outcome, Stopwatch, run
+from bridge.run import Outcome, Stopwatch
+from particles.spread import parallel, ranks
 from studies.column import Parameters, lube, staron_hinch
 from studies.column_model import Column
+from studies.resuming import Runs, Start
 
 FILES = ("summary.json", "history.csv", "runout.png", "collapse.png", "fronts.png")
 AT_REST = 1e-4  # kinetic energy at rest, as a share of the potential energy of the column
 LARGEST_ERROR = 0.01  # of the energy balance, as a share of the work of gravity
+
+
+class Frame(NamedTuple):
+    """A column at one time."""
+
+    time: float  # s
+    places: np.ndarray  # (n, 2), m
 
 
 @dataclass
@@ -35,8 +46,9 @@ class Fallen:
 
 
 def carry_out(
-    p: Parameters, folder: Path, *, samples: int = 100, frames: int = 6, figures: bool = True, progress: bool = True
-) -> dict[str, Any]:
+    p: Parameters, folder: Path, *, samples: int = 100, frames: int = 6, figures: bool = True, progress: bool = True,
+    checkpoint_every: float = 0.0, start: Start | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Let all columns fall and write what the runs leave behind; returns the content of summary.json.
 
     Args:
@@ -46,23 +58,27 @@ def carry_out(
         frames: times of the field files, a column; 0 writes none.
         figures: whether pictures are drawn.
         progress: show a bar on terminals.
+        checkpoint_every: seconds of wall time between checkpoints; 0 for none but at Ctrl-C or SIGTERM.
+        start: where the study was stopped.
     """
     watch = Stopwatch()
-    folder = output.prepare_folder(folder)
+    folder = output.prepare_folder(folder, MPI.COMM_SELF)
     names = [f"particles_{aspect:g}" for aspect in p.ratios]
-    output.clear(folder, FILES, names)
+    if start is None:
+        output.clear(folder, FILES, names)
+    options = {"samples": samples, "frames": frames, "figures": figures}
+    runs = Runs("column", p, options, folder, watch, checkpoint_every, start)
     history = output.HistoryFile(folder / "history.csv")
     fallen: list[Fallen] = []
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as caught, contextlib.closing(history), runs:
         warnings.simplefilter("always", UserWarning)
         for aspect, name in zip(p.ratios, names):
             with watch.phase("setup"):
-                column = Column(p, aspect)
+                column = Column(p, aspect, runs.begun(name))
             series = output.Series(folder / "fields", name) if frames else None
-            fallen.append(fall(column, aspect, history, series, watch, samples, frames, progress))
+            fallen.append(fall(column, aspect, name, history, series, runs, samples, frames, progress))
             if not fallen[-1].outcome.stable:
                 break
-    history.close()
     heard = [str(w.message) for w in caught if w.category is UserWarning] + doubts(fallen)
     for words in heard:
         print(f"Warning: {words}", file=sys.stderr)
@@ -73,31 +89,36 @@ def carry_out(
             column_figures.draw(fallen, folder)
     summary = summarise(p, fallen, watch, heard)
     output.write_json(folder / "summary.json", summary)
+    if summary["stable"]:
+        runs.finished()
     return summary
 
 
 def fall(
-    column: Column, aspect: float, history: output.HistoryFile, series: output.Series | None, watch: Stopwatch, samples: int,
-    frames: int, progress: bool,
+    column: Column, aspect: float, name: str, history: output.HistoryFile, series: output.Series | None, runs: Runs,
+    samples: int, frames: int, progress: bool,
 ) -> Fallen:  # fmt: skip
     """Release one column."""
-    places: list[np.ndarray] = []
+    found: list[Frame] = []
     soil = column.soil
 
     def on_frame() -> None:
-        places.append(soil.positions)
+        found.append(Frame(column.time, soil.positions))
         if series is not None:
             moved = soil.displacements
             data = {"radius": soil.radii, "displacement": moved[:, :2], "rotation": moved[:, 2],
                     "velocity": soil.velocities[:, :2]}  # fmt: skip
-            series.write(column.time, places[-1], ("vertex", np.arange(soil.count)[:, None]), data)
+            series.write(column.time, found[-1].places, ("vertex", np.arange(soil.count)[:, None]), data)
 
-    take = np.round(np.linspace(0, column.steps, max(frames, 4) + 1)).astype(int).tolist()
-    outcome = run(
-        column, column.steps, samples=samples, frames=take, stopwatch=watch, label=f"a = {aspect:g}", progress=progress,
-        on_sample=lambda row: history.write({"aspect": aspect} | row), on_frame=on_frame,
+    def enter(frame: Frame) -> None:
+        if series is not None:
+            series.enter(frame.time)
+
+    outcome = runs.run(
+        name, column, found, Frame, lambda steps: np.linspace(0, steps, max(frames, 4) + 1), samples=samples, enter=enter,
+        on_sample=lambda row: history.write({"aspect": aspect} | row), on_frame=on_frame, label=f"a = {aspect:g}", progress=progress,
     )  # fmt: skip
-    return Fallen(column, outcome, places)
+    return Fallen(column, outcome, [frame.places for frame in found])
 
 
 def doubts(fallen: list[Fallen]) -> list[str]:
@@ -141,13 +162,14 @@ def summarise(p: Parameters, fallen: list[Fallen], watch: Stopwatch, heard: list
     energy = {name: sum(one.column.energies()[name] for one in fallen) for name in names}
     return {
         "study": "column", "method": "dem", "seed": p.seed, "parameters": asdict(p), "versions": output.versions(),
-        "ranks": 1, "threads": 1, "counts": {"particles": sum(counts), "columns": len(fallen), "fine_steps": sum(steps)},
+        "ranks": ranks(), "threads": 1, "counts": {"particles": sum(counts), "columns": len(fallen), "fine_steps": sum(steps)},
         "steps": {"fine": [one.column.step for one in fallen], "fine_critical": [one.column.step / p.step_ratio for one in fallen]},
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())},
         "particle_steps_per_second": float(np.dot(counts, steps)) / stepping if stepping > 0.0 else 0.0,
         "results": {
             name: {"value": value, "unit": unit, "published": published} for name, (value, unit, published) in lists.items()
         },
+        "parallel": [parallel(one.column.soil) for one in fallen],
         "energy": energy | {"balance_error": max(balance_error(one) for one in fallen)},
         "stable": outcome.stable, "message": outcome.message, "warnings": heard,
     }  # fmt: skip

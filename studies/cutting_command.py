@@ -9,14 +9,16 @@ from typing import Any
 import click
 
 from studies.cutting import METHODS, TITLE, Parameters
-from studies.foundation_command import unstable
+from studies.leading import led, started
 from studies.options import (
+    checkpoint_option,
     click_options,
     no_fields_option,
     no_figures_option,
     one_rank,
     output_option,
     quiet_option,
+    resume_option,
 )
 from studies.rock_command import check_counts
 
@@ -37,45 +39,58 @@ work of the pick over the way of its tip.
 @click.option("--frames", default=12, type=int, metavar="NUMBER", help="States kept for fields and figures.  [default: 12]")
 @no_fields_option
 @no_figures_option
+@checkpoint_option
+@resume_option
 @quiet_option
+@click.pass_context
 def command(
-    compare: bool, output: str, samples: int, frames: int, no_fields: bool, no_figures: bool, quiet: bool, **values: Any
-) -> int:
+    context: click.Context, compare: bool, output: str, samples: int, frames: int, no_fields: bool, no_figures: bool,
+    checkpoint_every: float, resume: str | None, quiet: bool, **values: Any,
+) -> int:  # fmt: skip
     """Check everything, then run; returns the exit status."""
     check_counts(samples=samples)
     if not 3 <= frames <= 10_000:
         raise ValueError(f"frames={frames} must be between 3 and 10000")
     parameters = Parameters(**values)
+    folder, start = started(context, output, resume, "cutting", Parameters)
+    options: dict[str, Any] = {"samples": samples, "frames": frames, "fields": not no_fields, "figures": not no_figures}
+    if start is not None:
+        parameters, options = start.parameters, start.options
     wanted = [dataclasses.replace(parameters, method=method) for method in METHODS] if compare else [parameters]
-    one_rank("cutting")
+    if wanted[-1].method != "dem":
+        one_rank("cutting with a continuum (overlap)")
 
-    from bridge.output import check_folder, write_json, write_text
+    def script() -> str:
+        from studies.cutting_run import Finished, carry_out
 
-    folder = check_folder(output)
+        runs: list[Finished] = []
+        for p in wanted:
+            place = folder / p.method if compare else folder
+            done = carry_out(p, place, **options, progress=not quiet, checkpoint_every=checkpoint_every, start=start)
+            if not done.outcome.stable:
+                return done.outcome.message
+            runs.append(done)
+        text = compare_runs(runs, folder, not no_figures) if compare else report(runs[0].summary)
+        if not quiet:
+            click.echo(text)
+            click.echo(f"results in {folder}")
+        return ""
 
-    from studies.cutting_run import Finished, carry_out
+    return led(script)
 
-    runs: list[Finished] = []
-    for p in wanted:
-        place = folder / p.method if compare else folder
-        done = carry_out(
-            p, place, samples=samples, frames=frames, fields=not no_fields, figures=not no_figures, progress=not quiet
-        )
-        if not done.outcome.stable:
-            return unstable(done.outcome.message)
-        runs.append(done)
-    if compare:
-        found = comparison(*(done.summary for done in runs))
-        write_json(Path(folder) / "comparison.json", found)
-        write_text(Path(folder) / "comparison.txt", compared(found))
-        if not no_figures:
-            from studies.cutting_figures import force
 
-            force(runs, Path(folder) / "comparison.png")
-    if not quiet:
-        click.echo(compared(found) if compare else report(runs[0].summary))
-        click.echo(f"results in {folder}")
-    return 0
+def compare_runs(runs: list[Any], folder: Path, figures: bool) -> str:
+    """Compare runs of both methods, write that into the folder; the table."""
+    from bridge.output import write_json, write_text
+
+    found = comparison(*(done.summary for done in runs))
+    write_json(folder / "comparison.json", found)
+    write_text(folder / "comparison.txt", compared(found))
+    if figures:
+        from studies.cutting_figures import force
+
+        force(runs, folder / "comparison.png")
+    return compared(found)
 
 
 def comparison(dem: dict[str, Any], overlap: dict[str, Any]) -> dict[str, Any]:

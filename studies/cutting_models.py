@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from bridge import Overlap
+from bridge import Overlap, kept
+from particles.spread import restore, spread
+from particles.state import State, state_of
 from studies import cutting as scene
 from studies.cracks import fragments
 from studies.cutting import Parameters
@@ -82,6 +84,21 @@ class Block:
         """Terms since the start, J; `external_work` is that of the pick."""
         raise NotImplementedError
 
+    def state(self) -> State:
+        """All that `restore` needs."""
+        return {"before": np.array(self._before)} | self._state()
+
+    def restore(self, state: State) -> None:
+        """Go on from a state."""
+        self._before = tuple(state["before"].tolist())
+        self._restore(state)
+
+    def _state(self) -> State:
+        return {"particles": state_of(self.soil)}
+
+    def _restore(self, state: State) -> None:
+        restore(self.soil, state["particles"])
+
     def loose(self) -> np.ndarray:
         """Fragment (n,) of each disc; 0 is the block."""
         return fragments(self.soil)
@@ -92,7 +109,7 @@ class ParticleBlock(Block):
 
     def __init__(self, p: Parameters) -> None:
         super().__init__(p)
-        self.soil = scene.bonded(p)
+        self.soil = spread(scene.bonded(p))
         width, height = p.size
         x, y = self.soil.reference.T
         reach = scene.HELD * scene.RADII[1]
@@ -151,6 +168,12 @@ class OverlapBlock(Block):
     def energies(self) -> dict[str, float]:
         terms = self.coupled.energies()
         return terms | {"external_work": terms["external"]}
+
+    def _state(self) -> State:
+        return {"coupled": kept.coupled_state(self.coupled)}
+
+    def _restore(self, state: State) -> None:
+        kept.restore_coupled(self.coupled, state["coupled"])
 
 
 MODELS: dict[str, Callable[[Parameters], Block]] = {"dem": ParticleBlock, "overlap": OverlapBlock}

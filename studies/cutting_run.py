@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import math
 import sys
@@ -11,13 +12,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
-from bridge.run import Outcome, Stopwatch, run
+from bridge.run import Outcome, Stopwatch
+from particles.spread import parallel, ranks
 from studies import cutting as scene
 from studies.cracks import cracks
 from studies.cutting import Parameters
 from studies.cutting_models import MODELS, Block
+from studies.resuming import Runs, Start
 from studies.snapshots import ContinuumFields, ParticleFields, continuum_fields, particle_fields
 
 FILES = ("summary.json", "history.csv", "cracks.csv", "force.png", "states.png", "stress.png")
@@ -96,7 +100,7 @@ def results(model: Block, outcome: Outcome) -> Results:
 
 def carry_out(
     p: Parameters, folder: Path, *, samples: int = 400, frames: int = 12, fields: bool = True, figures: bool = True,
-    progress: bool = True,
+    progress: bool = True, checkpoint_every: float = 0.0, start: Start | None = None,
 ) -> Finished:  # fmt: skip
     """Cut, and write what the run leaves behind.
 
@@ -108,6 +112,8 @@ def carry_out(
         fields: whether field files are written of them.
         figures: whether pictures are drawn.
         progress: show a bar on terminals.
+        checkpoint_every: seconds of wall time between checkpoints; 0 for none but at Ctrl-C or SIGTERM.
+        start: where the study was stopped.
 
     Raises:
         ValueError: parameters that do not go together.
@@ -116,8 +122,11 @@ def carry_out(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         model = set_up(p, watch)
-        folder = output.prepare_folder(folder)
-        output.clear(folder, FILES, SERIES)
+        folder = output.prepare_folder(folder, MPI.COMM_SELF)
+        if start is None:
+            output.clear(folder, FILES, SERIES)
+        kept = {"samples": samples, "frames": frames, "fields": fields, "figures": figures}
+        runs = Runs("cutting", p, kept, folder, watch, checkpoint_every, start)
         history = output.HistoryFile(folder / "history.csv")
         states: list[State] = []
         series: dict[str, output.Series] = {}
@@ -127,12 +136,16 @@ def carry_out(
             if fields:
                 _write_fields(series, folder / "fields", states[-1])
 
-        marks = np.unique(np.round(np.linspace(0, model.steps, frames + 1)).astype(int)).tolist()
-        outcome = run(
-            model, model.steps, samples=samples, frames=marks, on_sample=history.write, on_frame=on_frame, stopwatch=watch,
-            label=f"cutting, {p.method}", progress=progress,
-        )  # fmt: skip
-        history.close()
+        def enter(earlier: State) -> None:
+            if fields:
+                for name in ("particles", "pick", *(() if earlier.continuum is None else ("continuum",))):
+                    _series(series, folder / "fields", name).enter(earlier.time)
+
+        with contextlib.closing(history), runs:
+            outcome = runs.run(
+                p.method, model, states, State, lambda steps: np.linspace(0, steps, frames + 1), samples=samples,
+                on_sample=history.write, on_frame=on_frame, enter=enter, label=f"cutting, {p.method}", progress=progress,
+            )  # fmt: skip
     found = results(model, outcome) if outcome.stable else {}
     heard = [str(w.message) for w in caught if w.category is UserWarning] + (doubts(model, found) if outcome.stable else [])
     for words in heard:
@@ -148,14 +161,18 @@ def carry_out(
             cutting_figures.draw(done, folder)
     done.summary = summarise(done, watch, heard)
     output.write_json(folder / "summary.json", done.summary)
+    if outcome.stable:
+        runs.finished()
     return done
+
+
+def _series(series: dict[str, output.Series], folder: Path, name: str) -> output.Series:
+    return series.setdefault(name, output.Series(folder, name))
 
 
 def _write_fields(series: dict[str, output.Series], folder: Path, now: State) -> None:
     def write(name: str, *content: Any) -> None:
-        if name not in series:
-            series[name] = output.Series(folder, name)
-        series[name].write(now.time, *content)
+        _series(series, folder, name).write(now.time, *content)
 
     data = now.particles._asdict() | {"fragment": now.fragment.astype(float)}
     points = data.pop("positions")
@@ -217,10 +234,11 @@ def summarise(done: Finished, watch: Stopwatch, heard: list[str]) -> dict[str, A
     resolved = {"block": "x".join(f"{side:g}" for side in p.size), "depth": p.cut_depth, "region": p.region_text, "element_size": p.cell_size}
     return {
         "study": "cutting", "method": p.method, "parameters": asdict(p) | resolved, "seed": p.seed, "versions": output.versions(),
-        "ranks": 1, "threads": 1, "counts": counts, "steps": model.step_sizes,
+        "ranks": ranks(), "threads": 1, "counts": counts, "steps": model.step_sizes,
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())},
         "particle_steps_per_second": counts["particles"] * counts["fine_steps"] / stepping if stepping > 0.0 else 0.0,
         "results": {name: {"value": value, "unit": unit, "published": None} for name, (value, unit) in done.results.items()},
+        "parallel": parallel(model.soil),
         "energy": energy | {"balance_error": abs(energy["balance"]) / work if work > 0.0 else math.nan},
         "stable": outcome.stable, "message": outcome.message, "warnings": heard,
     }  # fmt: skip

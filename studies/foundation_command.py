@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from pathlib import Path
 from typing import Any
 
 import click
-from click.core import ParameterSource
 
 from studies.foundation import COMPARED, TITLE, Parameters
-from studies.options import brief, check_cores, click_options, no_fields_option, no_figures_option, quiet_option
+from studies.options import (
+    brief,
+    check_cores,
+    check_resume,
+    checkpoint_option,
+    click_options,
+    no_fields_option,
+    no_figures_option,
+    quiet_option,
+    resume_option,
+)
 
 HELP = f"""{TITLE}.
 
@@ -40,14 +48,8 @@ multiplier and respa are equally accurate; the first keeps momentum to rounding 
 )
 @no_fields_option
 @no_figures_option
-@click.option(
-    "--checkpoint-every", default=600.0, type=float, metavar="s",
-    help="Wall time between checkpoints, 0 for none; Ctrl-C and SIGTERM write one, too.  [default: 600 s]",
-)
-@click.option(
-    "--resume", default=None, metavar="FOLDER",
-    help="Go on with the run that was stopped in this folder, with its parameters, from checkpoint.h5.",
-)
+@checkpoint_option
+@resume_option
 @quiet_option
 @click.pass_context
 def command(
@@ -55,16 +57,9 @@ def command(
     no_figures: bool, checkpoint_every: float, resume: str | None, quiet: bool, **values: Any,
 ) -> int:  # fmt: skip
     """Check everything, then run; returns the exit status."""
-    if not 0.0 <= checkpoint_every < math.inf:
-        raise ValueError(f"checkpoint_every={checkpoint_every} must be zero or positive (s)")
+    check_resume(context, resume, checkpoint_every)
     check_cores()
     if resume is not None:
-        given = [name for name in context.params if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
-        others = sorted(set(given) - {"resume", "checkpoint_every", "quiet"})
-        if others:
-            raise ValueError(
-                f"{others[0]}= does not go with resume={resume}: a resumed run keeps its parameters; leave the option out"
-            )
         return go_on(resume, checkpoint_every, quiet)
     for name, value, most in (("samples", samples, 1_000_000), ("frames", frames, 10_000)):
         if not 1 <= value <= most:
@@ -113,15 +108,22 @@ def run_and_report(prepared: Any, folder: Path, quiet: bool, options: dict[str, 
     try:
         done = carry_out(prepared, folder, **options)
     except Interrupted as stop:
-        if MPI.COMM_WORLD.rank == 0:
-            click.echo(f"Run {stop}", err=True)
-        MPI.COMM_WORLD.Barrier()
-        return 128 + stop.number
+        return stopped(stop)
     if not done.outcome.stable:
         return unstable(done.outcome.message)
     if not quiet and MPI.COMM_WORLD.rank == 0:
         click.echo(report(done, folder))
     return 0
+
+
+def stopped(stop: Any) -> int:
+    """Say that a signal ended the run and where it goes on (rank 0); the exit status for it."""
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.rank == 0:
+        click.echo(f"Run {stop}", err=True)
+    MPI.COMM_WORLD.Barrier()
+    return 128 + stop.number
 
 
 def unstable(message: str) -> int:

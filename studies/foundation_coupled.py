@@ -30,7 +30,7 @@ from studies.foundation_models import (
     no_particles,
     on_root_only,
 )
-from studies.foundation_shared import SharedParticleFoundation, spread_of
+from studies.foundation_shared import SharedParticleFoundation
 from studies.foundation_steps import fit_substeps, warn_of_growth
 from studies.snapshots import Snapshot
 
@@ -160,7 +160,7 @@ class SharedBridgedFoundation(BridgedFoundation):
     def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
         super().__init__(p, stopwatch, comm)
         self._stopwatch = stopwatch
-        self._spread(SharedAssembly(self._particles, comm, room=3 * len(self.coupled.fine.interface)))
+        self._spread(SharedAssembly(self._particles, comm, room=3 * len(self.coupled.fine.interface), limit=None))
         self._watch(stopwatch)
 
     def _particles(self) -> Any:
@@ -211,7 +211,7 @@ class SharedBridgedFoundation(BridgedFoundation):
         self.soil = self._particles()
         self.coupled = self._couple()
         super().restore(state)
-        shared = SharedAssembly(self._particles, self.comm, room=3 * len(self.coupled.fine.interface))
+        shared = SharedAssembly(self._particles, self.comm, room=3 * len(self.coupled.fine.interface), limit=None)
         shared.restore(state["particles"])
         initial = self.coupled._initial
         self._spread(shared)
@@ -219,7 +219,7 @@ class SharedBridgedFoundation(BridgedFoundation):
         self._watch(self._stopwatch)
 
     def parallel(self) -> dict[str, Any]:
-        return spread_of(self.shared, self._stopwatch)
+        return self.shared.parallel(self._stopwatch.parts["particles"])
 
 
 class OverlapFoundation(CoupledFoundation):

@@ -2,70 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
-from bridge import checkpoint, output
-from bridge.run import Outcome, on_root
+from bridge.run import Outcome
 from studies.foundation import Parameters
-from studies.snapshots import Snapshot, packed, unpacked
+from studies.resuming import (
+    Start,
+    history_of,
+    history_state,
+    packed,
+    read_checkpoint,
+    restore_watch,
+    unpacked,
+    watch_state,
+)
+from studies.snapshots import Snapshot
 
 STUDY = "foundation"
 
 
-def describe(p: Parameters, options: dict[str, Any], comm: Any) -> dict[str, Any]:
-    """What a checkpoint says about its run."""
-    return {
-        "study": STUDY, "parameters": asdict(p), "options": options, "versions": output.versions(), "ranks": comm.size
-    }  # fmt: skip
-
-
 def run_state(prepared: Any, outcome: Outcome, snapshots: list[Snapshot]) -> dict[str, Any]:
     """All that a run needs to go on; complete on rank 0 (collective)."""
-    rows = outcome.history
-    return {
-        "model": prepared.model.state(), "steps": outcome.steps,
-        "history": {name: outcome.column(name) for name in rows[0]} if rows else {},
-        "columns": np.array(list(rows[0]) if rows else [], dtype="S"), "snapshots": packed(snapshots),
-        "seconds": prepared.watch.seconds, "parts": prepared.watch.parts,
-    }  # fmt: skip
+    kept = {"model": prepared.model.state(), "snapshots": packed(snapshots)}
+    return kept | history_state(outcome) | watch_state(prepared.watch)
 
 
-@dataclass
-class Start:
-    """Where a run goes on: parameters and options of the run, and its state (that of the particles on rank 0)."""
+def put_back(start: Start, prepared: Any, snapshots: list[Snapshot]) -> Outcome:
+    """Bring model, clock of the phases and snapshots (on rank 0) to where they were; the outcome so far (collective).
 
-    parameters: Parameters
-    options: dict[str, Any]
-    path: Path
-    state: dict[str, Any]
-
-    def restore(self, prepared: Any, snapshots: list[Snapshot]) -> Outcome:
-        """Bring model, clock of the phases and snapshots (on rank 0) to where they were; the outcome so far (collective).
-
-        Raises:
-            ValueError: the state does not belong to the model.
-        """
-        state, comm = self.state, prepared.model.comm
-        try:
-            prepared.model.restore(state["model"])
-        except KeyError as missing:
-            raise ValueError(f"resume={self.path} lacks {missing}: it was written by another version; start anew") from None
-        except ValueError as failure:
-            raise ValueError(f"resume={self.path}: {failure}") from None
-        for name, seconds in state["seconds"].items():
-            prepared.watch.seconds[name] += float(seconds)
-        for name, seconds in state["parts"].items():
-            prepared.watch.parts[name] = prepared.watch.parts.get(name, 0.0) + float(seconds)
-        if comm.rank == 0:
-            snapshots.extend(unpacked(state["snapshots"]))
-        names = [name.decode() for name in state["columns"].tolist()]
-        columns = [state["history"][name].tolist() for name in names]
-        return Outcome(int(state["steps"]), history=[dict(zip(names, row)) for row in zip(*columns)])
+    Raises:
+        ValueError: the state does not belong to the model.
+    """
+    state = start.state
+    start.trying(lambda: prepared.model.restore(state["model"]))
+    restore_watch(prepared.watch, state)
+    if prepared.model.comm.rank == 0:
+        snapshots.extend(unpacked(list[Snapshot], state["snapshots"]))
+    return history_of(state)
 
 
 def read_start(folder: Path, comm: Any = MPI.COMM_WORLD) -> Start:
@@ -74,28 +50,7 @@ def read_start(folder: Path, comm: Any = MPI.COMM_WORLD) -> Start:
     Raises:
         ValueError: there is none, or it cannot be read.
     """
-    path = folder / checkpoint.NAME
-
-    def read() -> tuple[Any, Any]:
-        about, state = checkpoint.read(path)
-        if about.get("study") != STUDY:
-            raise ValueError(f"resume={path} is of the study {about.get('study')}, not of {STUDY}")
-        unknown = set(about["parameters"]) ^ {field.name for field in fields(Parameters)}
-        if unknown:
-            raise ValueError(
-                f"resume={path} was written with other parameters ({', '.join(sorted(unknown))}), by another version of "
-                "grainbridge: start anew"
-            )
-        return about, state
-
-    whole: list[Any] = [None]
-
-    def keep() -> tuple[Any, Any]:
-        about, whole[0] = read()
-        return about, _without_particles(whole[0])
-
-    about, state = on_root(comm, keep)
-    return Start(Parameters(**about["parameters"]), about["options"], path, whole[0] or state)
+    return read_checkpoint(folder, STUDY, Parameters, comm, _without_particles)
 
 
 def _without_particles(state: dict[str, Any]) -> dict[str, Any]:

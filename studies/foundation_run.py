@@ -18,7 +18,8 @@ from bridge import checkpoint, output
 from bridge.run import Outcome, Stopwatch, run
 from studies.foundation import PAPER_STATES, Parameters
 from studies.foundation_coupled import MODELS
-from studies.foundation_resume import Start, describe, run_state
+from studies.foundation_resume import STUDY, put_back, run_state
+from studies.resuming import Start, describe
 from studies.snapshots import Snapshot
 
 PICTURES = (
@@ -141,7 +142,7 @@ def carry_out(
         checkpoint.remove(writes / checkpoint.NAME)
     begun = Outcome()
     if start is not None:
-        begun = start.restore(prepared, snapshots)
+        begun = put_back(start, prepared, snapshots)
     history = output.HistoryFile(writes / "history.csv") if writes else None
     series = FieldSeries(writes / "fields") if writes and frames else None
     if history is not None:
@@ -177,7 +178,7 @@ def carry_out(
             stack.callback(history.close)
         keeper = None
         if folder is not None:
-            about = describe(p, options, model.comm)
+            about = describe(STUDY, p, options, model.comm)
             take_state = functools.partial(run_state, prepared, begun, snapshots)
             keeper = stack.enter_context(
                 checkpoint.Keeper(take_state, folder / checkpoint.NAME, about, checkpoint_every, model.comm)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
 from bridge.run import Stopwatch, on_root
@@ -61,17 +60,4 @@ class SharedParticleFoundation(Foundation):
         self.shared.restore(state.get("particles"))
 
     def parallel(self) -> dict[str, Any]:
-        return spread_of(self.shared, self._watch)
-
-
-def spread_of(shared: Any, watch: Stopwatch) -> dict[str, Any]:
-    """Particles, halos and seconds of each rank; `imbalance`: how much longer than the mean the busiest one computes (collective)."""
-    spent = shared.seconds
-    own = [shared.part.count, shared.halo, watch.parts["particles"], spent["exchange"], spent["agreement"]]
-    particles, halo, stepping, exchange, agreement = np.array(shared.comm.allgather(own)).T
-    busy = stepping - exchange - agreement
-    return {
-        "particles": particles.astype(int), "halo": halo.astype(int), "lists": shared.rebuilds,
-        "seconds": {"stepping": stepping, "exchange": exchange, "agreement": agreement},
-        "imbalance": busy.max() / busy.mean() - 1.0 if busy.mean() > 0.0 else 0.0,
-    }  # fmt: skip
+        return self.shared.parallel(self._watch.parts["particles"])

@@ -38,6 +38,23 @@ class ServoCell:
         self._trend = np.zeros(soil.axes)  # integral part, 1/s
         self._wait = 0
 
+    def state(self) -> dict[str, Any]:
+        """All that `restored` needs."""
+        axes = np.array(list(self._targets), dtype=np.int64)
+        return {
+            "step": self.step, "interval": self.interval, "stress": self.stress, "softness": self._softness, "imposed": self._imposed,
+            "trend": self._trend, "wait": self._wait, "axes": axes, "targets": np.array([self._targets[a] for a in axes.tolist()]),
+        }  # fmt: skip
+
+    @classmethod
+    def restored(cls, soil: Any, state: dict[str, Any]) -> ServoCell:
+        """The servo of a state, on an assembly that is in its state again."""
+        servo = cls(soil, float(state["step"]), 1.0, int(state["interval"]))
+        servo.stress, servo._imposed = np.array(state["stress"]), np.array(state["imposed"])
+        servo._softness, servo._wait, servo._trend = float(state["softness"]), int(state["wait"]), np.array(state["trend"])
+        servo._targets = dict(zip(state["axes"].tolist(), state["targets"].tolist()))
+        return servo
+
     def impose(self, gradient: Any, pressures: Mapping[int, float]) -> None:
         """From now on: velocity gradient (axes, axes), 1/s, and pressures (Pa, compression positive) held by axis."""
         self._imposed = np.array(gradient, dtype=float)

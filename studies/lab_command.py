@@ -6,9 +6,17 @@ from typing import Any
 
 import click
 
-from studies.foundation_command import unstable
 from studies.lab import Biaxial, Parameters, Shear, Triaxial
-from studies.options import brief, click_options, no_fields_option, no_figures_option, one_rank, quiet_option
+from studies.leading import led, started
+from studies.options import (
+    brief,
+    checkpoint_option,
+    click_options,
+    no_fields_option,
+    no_figures_option,
+    quiet_option,
+    resume_option,
+)
 
 HELP = """A dense random packing in a periodic cell is compressed isotropically to the confining stress and then {what}, so
 slowly that results depend on friction, size distribution and stiffness level only. Strains are logarithmic; axial strain
@@ -35,37 +43,33 @@ def _command(kind: type[Parameters]) -> click.Command:
     @click.option("--frames", default=6, type=int, metavar="NUMBER", help="Times of the field files.  [default: 6]")
     @no_fields_option
     @no_figures_option
+    @checkpoint_option
+    @resume_option
     @quiet_option
+    @click.pass_context
     def command(
-        output: str, samples: int, frames: int, no_fields: bool, no_figures: bool, quiet: bool, **values: Any
-    ) -> int:
+        context: click.Context, output: str, samples: int, frames: int, no_fields: bool, no_figures: bool,
+        checkpoint_every: float, resume: str | None, quiet: bool, **values: Any,
+    ) -> int:  # fmt: skip
         """Check everything, then run; returns the exit status."""
         for option, value, most in (("samples", samples, 1_000_000), ("frames", frames, 10_000)):
             if not 1 <= value <= most:
                 raise ValueError(f"{option}={brief(value)} must be between 1 and {most}")
         parameters = kind(**values)
-        one_rank(name)
+        folder, start = started(context, output, resume, name, kind)
+        options = {"samples": samples, "frames": 0 if no_fields else frames, "figures": not no_figures}
+        p, options = (parameters, options) if start is None else (start.parameters, start.options)
 
-        from bridge.output import check_folder
+        def script() -> str:
+            from studies.lab_run import carry_out
 
-        folder = check_folder(output)
+            done = carry_out(p, folder, **options, progress=not quiet, checkpoint_every=checkpoint_every, start=start)
+            if done.outcome.stable and not quiet:
+                click.echo(report(done.summary))
+                click.echo(f"results in {folder}")
+            return done.outcome.message
 
-        from particles import Unstable
-        from studies.lab_run import carry_out
-
-        try:
-            done = carry_out(
-                parameters, folder, samples=samples, frames=0 if no_fields else frames, figures=not no_figures,
-                progress=not quiet,
-            )  # fmt: skip
-        except Unstable as failure:  # in the isotropic compression
-            return unstable(str(failure))
-        if not done.outcome.stable:
-            return unstable(done.outcome.message)
-        if not quiet:
-            click.echo(report(done.summary))
-            click.echo(f"results in {folder}")
-        return 0
+        return led(script)
 
     return command
 

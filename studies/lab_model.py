@@ -9,6 +9,9 @@ import numpy as np
 
 from particles import Assembly, LiChu, PeriodicCell
 from particles.measures import coordination, moduli
+from particles.spread import restore
+from particles.spread import spread as shared
+from particles.state import State, state_of
 from studies import packing_cache
 from studies.lab import Parameters
 from studies.lab_cell import ServoCell
@@ -31,26 +34,30 @@ class ElementTest:
 
     Args:
         p: parameters.
+        begun: state of a loading that was begun before; without it the packing is made and compressed.
     """
 
-    def __init__(self, p: Parameters) -> None:
+    def __init__(self, p: Parameters, begun: State | None = None) -> None:
         self.parameters = p
         places, radii, size = packing(p)
+        if begun is not None:
+            self.cell = PeriodicCell(begun["cell"])
+            self._make_sheared(begun["particles"]["reference"], radii)
+            return
         loose = p.preparation_friction > 0.0
-        spread = LOOSENING if loose else 1.0
-        cell = PeriodicCell(spread * size)
-        first = Assembly(spread * places, radii, p.density, law(p, p.preparation_friction), cell=cell)
+        wider = LOOSENING if loose else 1.0
+        cell = PeriodicCell(wider * size)
+        first = shared(Assembly(wider * places, radii, p.density, law(p, p.preparation_friction), cell=cell))
         if loose:
             shake(first, p)
-        settled = servo(p, first, spread - 1.0).compress(p.pressure, TOLERANCE)
+        settled = servo(p, first, wider - 1.0).compress(p.pressure, TOLERANCE)
         self.cell = PeriodicCell(cell.matrix.diagonal())
-        self.soil = Assembly(first.positions, radii, p.density, law(p, p.friction), cell=self.cell)
+        self._make_sheared(first.positions, radii)
         self.servo = servo(p, self.soil)
         self.settled = self.servo.compress(p.pressure, TOLERANCE) and settled
         self.servo.rest()
         self.step = self.servo.step
         self.start = self.cell.matrix
-        self._solid = self.soil.masses.sum() / p.density  # m3 (m2)
         self.work_before = self.soil.energies()["cell_work"]
         self._begun = self.soil.time
         self.isotropic = self.sample()  # the state before loading
@@ -58,6 +65,34 @@ class ElementTest:
         self.probe = self._measure()
         self._load(1.0)
         self.steps = max(math.ceil((p.strain - self.strain) / (p.rate * self.step)), 1)
+
+    def _make_sheared(self, places: np.ndarray, radii: np.ndarray) -> None:
+        """The packing with the friction of the test."""
+        p = self.parameters
+        self.soil = shared(Assembly(places, radii, p.density, law(p, p.friction), cell=self.cell))
+        self._solid = self.soil.masses.sum() / p.density  # m3 (m2)
+
+    def state(self) -> State:
+        """All that `restore` needs."""
+        numbers = {"work_before": self.work_before, "begun": self._begun, "settled": float(self.settled), "steps": self.steps}
+        probe = {} if self.probe is None else {"probe": self.probe._asdict()}
+        return {
+            "particles": state_of(self.soil), "cell": np.diag(self.cell.start), "start": self.start, "servo": self.servo.state(),
+            "isotropic": self.isotropic, "voigt": np.array(self.voigt), "numbers": numbers, **probe,
+        }  # fmt: skip
+
+    def restore(self, state: State) -> None:
+        """Go on from a state."""
+        restore(self.soil, state["particles"])
+        self.servo = ServoCell.restored(self.soil, state["servo"])
+        self.step, self.start = self.servo.step, state["start"]
+        self.isotropic = {name: float(value) for name, value in state["isotropic"].items()}
+        young, poisson = state["voigt"].tolist()
+        self.voigt = young, poisson
+        self.probe = Probe(**state["probe"]) if "probe" in state else None
+        numbers = {name: float(value) for name, value in state["numbers"].items()}
+        self.work_before, self._begun = numbers["work_before"], numbers["begun"]
+        self.settled, self.steps = bool(numbers["settled"]), int(numbers["steps"])
 
     # What `run` needs ---------------------------------------------------------------------------------------------------
 

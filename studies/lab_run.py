@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import warnings
 from dataclasses import asdict, dataclass
@@ -9,11 +10,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
-from bridge.run import Outcome, Stopwatch, run
+from bridge.run import Outcome, Stopwatch
+from particles.spread import parallel, ranks
 from studies.lab import Parameters
 from studies.lab_model import ElementTest, fitted_moduli
+from studies.resuming import Runs, Start
 
 SERIES = ("particles", "contacts")
 FIGURES = ("curves.png", "packing.png", "contact_rose.png")
@@ -67,8 +71,9 @@ def state(model: ElementTest) -> State:
 
 
 def carry_out(
-    p: Parameters, folder: Path, *, samples: int = 400, frames: int = 6, figures: bool = True, progress: bool = True
-) -> Finished:
+    p: Parameters, folder: Path, *, samples: int = 400, frames: int = 6, figures: bool = True, progress: bool = True,
+    checkpoint_every: float = 0.0, start: Start | None = None,
+) -> Finished:  # fmt: skip
     """Prepare, load and write what the run leaves behind.
 
     Args:
@@ -78,14 +83,19 @@ def carry_out(
         frames: times of the field files; 0 writes none.
         figures: whether pictures are drawn.
         progress: show a bar on terminals.
+        checkpoint_every: seconds of wall time between checkpoints; 0 for none but at Ctrl-C or SIGTERM.
+        start: where the study was stopped.
     """
     watch = Stopwatch()
+    options = {"samples": samples, "frames": frames, "figures": figures}
+    runs = Runs(p.study, p, options, folder, watch, checkpoint_every, start)
     with warnings.catch_warnings(record=True) as caught, watch.phase("setup"):
         warnings.simplefilter("always", UserWarning)
-        model = ElementTest(p)
+        model = ElementTest(p, runs.begun(p.study))
     heard = [str(w.message) for w in caught if w.category is UserWarning]
-    folder = output.prepare_folder(folder)
-    output.clear(folder, FILES, SERIES)
+    folder = output.prepare_folder(folder, MPI.COMM_SELF)
+    if start is None:
+        output.clear(folder, FILES, SERIES)
     history = output.HistoryFile(folder / "history.csv")
     series = {name: output.Series(folder / "fields", name) for name in SERIES} if frames else {}
     states: list[State] = []
@@ -95,12 +105,15 @@ def carry_out(
         if series:
             write_fields(series, states[-1])
 
-    take = np.round(np.linspace(0, model.steps, max(frames, 1) + 1)).astype(int).tolist()
-    outcome = run(
-        model, model.steps, samples=samples, frames=take, on_sample=history.write, on_frame=on_frame, stopwatch=watch,
-        label=p.study, progress=progress,
-    )  # fmt: skip
-    history.close()
+    def enter(s: State) -> None:
+        for one in series.values():
+            one.enter(s.time)
+
+    with runs, contextlib.closing(history):
+        outcome = runs.run(
+            p.study, model, states, State, lambda steps: np.linspace(0, steps, max(frames, 1) + 1), samples=samples,
+            on_sample=history.write, on_frame=on_frame, enter=enter, label=p.study, progress=progress,
+        )  # fmt: skip
     energy = model.energies()
     heard += doubts(model, energy) if outcome.stable else []
     for words in heard:
@@ -113,6 +126,8 @@ def carry_out(
             lab_figures.draw(done, folder)
     done.summary = summarise(done, watch, energy, heard)
     output.write_json(folder / "summary.json", done.summary)
+    if outcome.stable:
+        runs.finished()
     return done
 
 
@@ -193,12 +208,13 @@ def summarise(done: Finished, watch: Stopwatch, energy: dict[str, float], heard:
     return {
         "study": p.study, "method": "dem", "seed": p.seed,
         "parameters": asdict(p) | {"rate": p.rate, "normal_stiffness": p.normal_stiffness},
-        "versions": output.versions(), "ranks": 1, "threads": 1,
+        "versions": output.versions(), "ranks": ranks(), "threads": 1,
         "counts": {"particles": model.soil.count, "contacts": len(model.soil.contacts().first), "fine_steps": outcome.steps},
         "steps": {"fine": model.step, "fine_critical": model.step / p.step_ratio},
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())},
         "particle_steps_per_second": model.soil.count * outcome.steps / stepping if stepping > 0.0 else 0.0,
         "results": {name: {"value": value, "unit": unit, "published": None} for name, (value, unit) in found.items()},
+        "parallel": parallel(model.soil),
         "energy": energy | {"balance_error": abs(energy["balance"] / energy["external_work"])},
         "stable": outcome.stable, "message": outcome.message, "warnings": heard,
     }  # fmt: skip

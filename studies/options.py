@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any, get_args, get_type_hints
 
 import click
+from click.core import ParameterSource
 
 POSITIVE, NOT_NEGATIVE, SHARE = "positive", "zero or positive", "above 0 and at most 1"
 _RULES: dict[str, Callable[[Any], bool]] = {
@@ -126,7 +127,33 @@ def output_option(study: str) -> Callable[[Any], Any]:
 
 no_fields_option = click.option("--no-fields", is_flag=True, help="Write no field files.")
 no_figures_option = click.option("--no-figures", is_flag=True, help="Draw no figures.")
+checkpoint_option = click.option(
+    "--checkpoint-every", default=600.0, type=float, metavar="s",
+    help="Wall time between checkpoints, 0 for none; Ctrl-C and SIGTERM write one, too.  [default: 600 s]",
+)
+resume_option = click.option(
+    "--resume", default=None, metavar="FOLDER",
+    help="Go on with the run that was stopped in this folder, with its parameters, from checkpoint.h5.",
+)
 quiet_option = click.option("--quiet", is_flag=True, help="No progress bar and no report; warnings and errors are still shown.")
+
+
+def check_resume(context: click.Context, resume: str | None, checkpoint_every: float) -> None:
+    """Refuse what does not go with checkpoints.
+
+    Raises:
+        ValueError: a time that makes no sense, or options beside those that a resumed run can be given.
+    """
+    if not 0.0 <= checkpoint_every < math.inf:
+        raise ValueError(f"checkpoint_every={checkpoint_every} must be zero or positive (s)")
+    if resume is None:
+        return
+    given = [name for name in context.params if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
+    others = sorted(set(given) - {"resume", "checkpoint_every", "quiet"})
+    if others:
+        raise ValueError(
+            f"{others[0]}= does not go with resume={resume}: a resumed run keeps its parameters; leave the option out"
+        )
 
 
 def size_in_metres(name: str, text: str) -> tuple[float, float]:

@@ -6,15 +6,16 @@ from typing import Any
 
 import click
 
-from studies.foundation_command import unstable
+from studies.leading import led, started
 from studies.options import (
     brief,
+    checkpoint_option,
     click_options,
     no_fields_option,
     no_figures_option,
-    one_rank,
     output_option,
     quiet_option,
+    resume_option,
 )
 from studies.rock import Brazilian, Compression, Parameters
 
@@ -49,30 +50,31 @@ def _command(kind: type[Parameters]) -> click.Command:
     @click.option("--frames", default=20, type=int, metavar="NUMBER", help="States kept over --strain, a packing.  [default: 20]")
     @no_fields_option
     @no_figures_option
+    @checkpoint_option
+    @resume_option
     @quiet_option
+    @click.pass_context
     def command(
-        output: str, samples: int, frames: int, no_fields: bool, no_figures: bool, quiet: bool, **values: Any
-    ) -> int:
+        context: click.Context, output: str, samples: int, frames: int, no_fields: bool, no_figures: bool,
+        checkpoint_every: float, resume: str | None, quiet: bool, **values: Any,
+    ) -> int:  # fmt: skip
         """Check everything, then run; returns the exit status."""
         check_counts(samples=samples, frames=frames)
         parameters = kind(**values)
-        one_rank(name)
+        folder, start = started(context, output, resume, name, kind)
+        options = {"samples": samples, "frames": frames, "fields": not no_fields, "figures": not no_figures}
+        p, options = (parameters, options) if start is None else (start.parameters, start.options)
 
-        from bridge.output import check_folder
+        def script() -> str:
+            from studies.rock_run import carry_out
 
-        folder = check_folder(output)
+            summary = carry_out(p, folder, **options, progress=not quiet, checkpoint_every=checkpoint_every, start=start)
+            if summary["stable"] and not quiet:
+                click.echo(report(summary))
+                click.echo(f"results in {folder}")
+            return summary["message"]
 
-        from studies.rock_run import carry_out
-
-        summary = carry_out(
-            parameters, folder, samples=samples, frames=frames, fields=not no_fields, figures=not no_figures, progress=not quiet
-        )
-        if not summary["stable"]:
-            return unstable(summary["message"])
-        if not quiet:
-            click.echo(report(summary))
-            click.echo(f"results in {folder}")
-        return 0
+        return led(script)
 
     return command
 

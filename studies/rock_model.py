@@ -8,6 +8,8 @@ import numpy as np
 
 from particles import Assembly, Wall, measures, shapes
 from particles.laws.bonded import Bonded
+from particles.spread import restore, spread
+from particles.state import State, state_of
 from studies import packing_cache
 from studies.rock import Parameters
 
@@ -18,7 +20,7 @@ def specimen(p: Parameters, seed: int) -> Assembly:
         p.region, (p.smallest_radius, p.largest_radius), p.porosity, seed, exponent=p.size_exponent, nearest=True
     )
     law = Bonded(p.normal_stiffness, p.shear_stiffness, p.tensile_strength, p.shear_strength, friction=p.friction)
-    soil = Assembly(places, radii, p.density, law)
+    soil = spread(Assembly(places, radii, p.density, law))
     soil.bond(p.bond_reach)
     return soil
 
@@ -64,6 +66,15 @@ class Specimen:
     def radius(self) -> float:
         """Root mean square radius, m: the length of the dimensionless relations."""
         return math.sqrt(float((self.soil.radii**2).mean()))
+
+    def state(self) -> State:
+        """All that `restore` needs."""
+        return {"particles": state_of(self.soil), "peak": self._peak}
+
+    def restore(self, state: State) -> None:
+        """Go on from a state."""
+        restore(self.soil, state["particles"])
+        self._peak = float(state["peak"])
 
     # What `run` needs ---------------------------------------------------------------------------------------------------
 

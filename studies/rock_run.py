@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import sys
 import warnings
@@ -10,10 +11,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
+from particles.spread import parallel, ranks
 from studies.cracks import cracks, fragments
+from studies.resuming import Runs, Start
 from studies.rock import Parameters
 from studies.rock_model import Specimen
 from studies.rock_results import Results, results, spread
@@ -64,12 +68,12 @@ def tested(p: Parameters, seed: int, samples: int, **options: Any) -> Tested:
     watch = options.setdefault("stopwatch", Stopwatch())
     with watch.phase("setup"):
         model = Specimen(p, seed)
-    return loaded(model, samples, **options)
+    outcome = run(model, model.steps, samples=samples, until=model.is_broken, label=f"packing {seed}", **options)
+    return evaluated(model, outcome)
 
 
-def loaded(model: Specimen, samples: int, **options: Any) -> Tested:
-    """Load a specimen until it breaks."""
-    outcome = run(model, model.steps, samples=samples, until=model.is_broken, label=f"packing {model.seed}", **options)
+def evaluated(model: Specimen, outcome: Outcome) -> Tested:
+    """A specimen after its run with its results."""
     return Tested(model, outcome, results(model, outcome) if outcome.stable and len(outcome.history) > 2 else {})
 
 
@@ -87,7 +91,7 @@ def state(model: Specimen) -> State:
 
 def carry_out(
     p: Parameters, folder: Path, *, samples: int = 600, frames: int = 20, fields: bool = True, figures: bool = True,
-    progress: bool = True,
+    progress: bool = True, checkpoint_every: float = 0.0, start: Start | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Test all packings and write what the runs leave behind; returns the content of summary.json.
 
@@ -99,22 +103,26 @@ def carry_out(
         fields: whether field files are written of them.
         figures: whether pictures are drawn.
         progress: show a bar on terminals.
+        checkpoint_every: seconds of wall time between checkpoints; 0 for none but at Ctrl-C or SIGTERM.
+        start: where the study was stopped.
     """
     watch = Stopwatch()
-    folder = output.prepare_folder(folder)
+    folder = output.prepare_folder(folder, MPI.COMM_SELF)
     seeds = range(p.seed, p.seed + p.packings)
-    output.clear(folder, FILES, [f"{kind}_{seed}" for seed in seeds for kind in ("particles", "cracks")])
+    if start is None:
+        output.clear(folder, FILES, [f"{kind}_{seed}" for seed in seeds for kind in ("particles", "cracks")])
+    options = {"samples": samples, "frames": frames, "fields": fields, "figures": figures}
+    runs = Runs(p.study, p, options, folder, watch, checkpoint_every, start)
     history = output.HistoryFile(folder / "history.csv")
     done: list[Tested] = []
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as caught, contextlib.closing(history), runs:
         warnings.simplefilter("always", UserWarning)
         for seed in seeds:
             with watch.phase("setup"):
                 model = Specimen(p, seed)
-            done.append(_followed(model, history, folder if fields else None, watch, samples, frames, progress))
+            done.append(_followed(model, history, folder if fields else None, runs, samples, frames, progress, watch))
             if not done[-1].outcome.stable:
                 break
-    history.close()
     heard = [str(w.message) for w in caught if w.category is UserWarning] + [words for one in done for words in doubts(one)]
     for words in heard:
         print(f"Warning: {words}", file=sys.stderr)
@@ -126,12 +134,14 @@ def carry_out(
             rock_figures.draw(done, folder)
     summary = summarise(p, done, watch, heard)
     output.write_json(folder / "summary.json", summary)
+    if summary["stable"]:
+        runs.finished()
     return summary
 
 
 def _followed(
-    model: Specimen, history: output.HistoryFile, folder: Path | None, watch: Stopwatch, samples: int, frames: int,
-    progress: bool,
+    model: Specimen, history: output.HistoryFile, folder: Path | None, runs: Runs, samples: int, frames: int, progress: bool,
+    watch: Stopwatch,
 ) -> Tested:  # fmt: skip
     """Load one specimen, with rows of the history, states and field files."""
     states: list[State] = []
@@ -147,10 +157,16 @@ def _followed(
             }  # fmt: skip
             series.write(now.time, now.positions, ("vertex", np.arange(len(data["radius"]))[:, None]), data)
 
-    one = loaded(
-        model, samples, frames=np.round(np.linspace(0, model.steps, frames + 1)).astype(int).tolist(), stopwatch=watch,
-        on_sample=lambda row: history.write({"packing": model.seed} | row), on_frame=on_frame, progress=progress,
+    def enter(earlier: State) -> None:
+        if series is not None:
+            series.enter(earlier.time)
+
+    outcome = runs.run(
+        str(model.seed), model, states, State, lambda steps: np.linspace(0, steps, frames + 1), samples=samples,
+        until=model.is_broken, on_sample=lambda row: history.write({"packing": float(model.seed)} | row), on_frame=on_frame, enter=enter,
+        label=f"packing {model.seed}", progress=progress,
     )  # fmt: skip
+    one = evaluated(model, outcome)
     with watch.phase("output"):
         if not states or states[-1].time != model.time:
             on_frame()
@@ -217,13 +233,13 @@ def summarise(p: Parameters, done: list[Tested], watch: Stopwatch, heard: list[s
     energy = {name: sum(one.model.energies()[name] for one in done) for name in done[0].model.energies()}
     count, steps = [one.model.soil.count for one in done], [one.outcome.steps for one in done]
     return {
-        "study": p.study, "method": "dem", "seed": p.seed, "parameters": asdict(p), "versions": output.versions(), "ranks": 1,
+        "study": p.study, "method": "dem", "seed": p.seed, "parameters": asdict(p), "versions": output.versions(), "ranks": ranks(),
         "threads": 1,
         "counts": {"packings": len(done), "particles": sum(count), "bonds": sum(len(one.model.bonds) for one in done),
                    "fine_steps": sum(steps)},
         "steps": {"fine": [one.model.step for one in done], "fine_critical": [one.model.critical for one in done]},
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())},
         "particle_steps_per_second": float(np.dot(count, steps)) / stepping if stepping > 0.0 else 0.0,
-        "results": found, "energy": energy | {"balance_error": max(one.balance_error for one in done)},
+        "results": found, "parallel": [parallel(one.model.soil) for one in done], "energy": energy | {"balance_error": max(one.balance_error for one in done)},
         "stable": last.stable, "message": last.message, "warnings": heard,
     }  # fmt: skip

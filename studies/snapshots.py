@@ -52,27 +52,6 @@ class Snapshot(NamedTuple):
     continuum: ContinuumFields | None = None
 
 
-def packed(snapshots: list[Snapshot]) -> dict[str, Any]:
-    """Snapshots as nested mappings of arrays, by number (for a checkpoint)."""
-    found: dict[str, Any] = {}
-    for k, snapshot in enumerate(snapshots):
-        parts = {name: part._asdict() for name, part in snapshot._asdict().items() if hasattr(part, "_asdict")}
-        found[f"{k:06d}"] = parts | {"time": snapshot.time, "displacement": snapshot.displacement}
-    return found
-
-
-def unpacked(state: dict[str, Any]) -> list[Snapshot]:
-    """The snapshots that were `packed`."""
-    kinds = {"particles": ParticleFields, "contacts": ContactFields, "continuum": ContinuumFields}
-    return [
-        Snapshot(
-            float(one["time"]), float(one["displacement"]),
-            **{name: kind(**one[name]) for name, kind in kinds.items() if name in one},  # type: ignore[arg-type]
-        )
-        for _, one in sorted(state.items())
-    ]  # fmt: skip
-
-
 def neighbourhood_average(positions: np.ndarray, radii: np.ndarray, values: np.ndarray, radius: float) -> np.ndarray:
     """Averages over circles around all discs: sum of common areas times values over the sum of common areas.
 

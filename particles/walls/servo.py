@@ -23,7 +23,7 @@ def set_contact_constants(soil: Assembly) -> None:
         return
     found = contacts(soil, with_walls=True)
     now = np.column_stack([stiffnesses(soil, found)[:, 0], dashpots(soil, found)[:, 0]])
-    radius, mass = soil.radii.mean(keepdims=True), soil.masses.mean(keepdims=True)
+    radius, mass = np.array([soil._mean_radius]), np.array([soil._mean_mass])
     flat = np.column_stack([radius, [FLAT]])
     for b, body in enumerate(walls.body):
         own = np.flatnonzero(walls.wall[:, OWNER] == b)

@@ -15,8 +15,9 @@ from bridge import checkpoint, output
 from bridge.run import Outcome
 from studies.foundation import Parameters
 from studies.foundation_command import command
-from studies.foundation_resume import describe, read_start
+from studies.foundation_resume import put_back, read_start
 from studies.foundation_run import carry_out, set_up
+from studies.resuming import describe
 
 SCENE = {"radius": 0.2, "displacement": 0.024, "region": "6x3"}
 QUIET = {"figures": False, "progress": False}
@@ -140,7 +141,7 @@ def test_what_cannot_be_read_is_refused_with_a_word(tmp_path, change, words):
 def test_checkpoints_of_others_are_refused(tmp_path):
     with pytest.raises(ValueError, match="holds no checkpoint.h5"):
         read_start(tmp_path)
-    about = describe(Parameters(), {}, MPI.COMM_SELF)
+    about = describe("foundation", Parameters(), {}, MPI.COMM_SELF)
     path = tmp_path / checkpoint.NAME
     checkpoint.write(path, about | {"study": "column"}, {"model": {}})
     with pytest.raises(ValueError, match="of the study column"):
@@ -150,7 +151,7 @@ def test_checkpoints_of_others_are_refused(tmp_path):
         read_start(tmp_path)
     checkpoint.write(path, about, {"model": {"time": 0.0}, "steps": 0})
     with pytest.raises(ValueError, match="lacks 'coarse_steps'|lacks 'particles'|lacks"):
-        read_start(tmp_path).restore(set_up(Parameters(radius=0.2)), [])
+        put_back(read_start(tmp_path), set_up(Parameters(radius=0.2)), [])
 
 
 def test_options_that_do_not_go_with_resume_are_refused(tmp_path):
