@@ -41,7 +41,7 @@ def unbalanced(soil: Assembly) -> Unbalanced:
     Contacts with walls count; held components do not. Without a force in any contact the mean resultant is the measure of
     the largest one, and the ratio of means is infinite, or zero where there are no forces at all.
     """
-    resultant = np.linalg.norm(soil.forces[:, : soil.axes] * _free(soil)[:, : soil.axes], axis=1)
+    resultant = np.linalg.norm(soil.forces[:, : soil.axes] * free_components(soil)[:, : soil.axes], axis=1)
     found = contacts(soil, with_walls=True)
     force = np.linalg.norm(found.force, axis=1)
     acting = force[force > 0.0]
@@ -55,7 +55,7 @@ def unbalanced(soil: Assembly) -> Unbalanced:
     return Unbalanced(float(resultant.mean() / acting.mean()), float(resultant.max() / acting.mean()))
 
 
-def _free(soil: Assembly) -> np.ndarray:
+def free_components(soil: Assembly) -> np.ndarray:
     """1 for the free components of all particles (n, freedoms), 0 for the held ones."""
     free = np.ones((soil.count, soil.freedoms))
     for i, components in soil._held.items():
@@ -118,7 +118,7 @@ def settle(
                 f"unbalanced force ratio {ratio.mean:.3g} (largest {ratio.largest:.3g}) after {done} steps of {step:g} s has "
                 f"not come down to tolerance={tolerance:g}"
             )
-        moved = (soil.displacements - place) * _free(soil)
+        moved = (soil.displacements - place) * free_components(soil)
         work, mass = -float(np.sum(moved * (soil.forces - force))), float(np.sum(inertia * moved**2))
         if work > 0.0 and mass > 0.0:
             frequency = math.sqrt(work / mass)
