@@ -169,6 +169,10 @@ class BridgingScale:
         """Coarse lumped mass (owned nodes, 3) of the nodes with continuum mass; zero at covered nodes."""
         return self.rule.mass
 
+    def critical_coarse_step(self) -> float:
+        """Largest stable coarse step, that of the continuum with its coarse mass by itself, s (collective)."""
+        return self.rule.critical_step()
+
     def project_covered(self) -> None:
         """Give covered nodes the projection of the particles (for output and for N d + Q q); changes no dynamics."""
         self.rule.place_covered()

@@ -98,6 +98,10 @@ class Rule:
         """Take one coarse step without counting it (collective)."""
         raise NotImplementedError
 
+    def critical_step(self) -> float:
+        """Largest stable step of the continuum by itself, s (collective)."""
+        return self.body.critical_step("power")
+
     def carried(self) -> list[np.ndarray]:
         """Arrays beyond the motion of nodes and particles that one coarse step hands to the next."""
         return []

@@ -116,6 +116,11 @@ class MultiplierVariant(Rule):
 
     def __init__(self, coupled):
         super().__init__(coupled)
+        if self.step > np.sqrt(self.KEPT) * self.body.critical_step() and self.step > (most := self.critical_step()):
+            raise ValueError(
+                f"step={self.step:g} s must be at most {most:.4g} s with variant='multiplier', which takes the ghosts' outside "
+                "mass out of the continuum's at the interface; take fewer substeps or variant='subcycling'"
+            )
         weight = self.fine.ghost_mass_at_nodes(
             1.0 - self.fine.share
         )  # of the ghosts' outside parts: they carry it themselves
@@ -130,6 +135,9 @@ class MultiplierVariant(Rule):
         before = mass.copy()
         self.exchange.scatter(-self.fine.ghost_mass_at_nodes(1.0 - self.fine.share), mass)
         return np.maximum(mass, self.KEPT * before)
+
+    def critical_step(self) -> float:
+        return self.body.critical_step("power", self.mass)
 
     def carried(self) -> list[np.ndarray]:
         return [self.link]

@@ -358,9 +358,9 @@ class Body:
         """Energy terms and balance error in J; see `motion.Motion.energies` (collective)."""
         return self.motion.energies()
 
-    def critical_step(self, bound: str = "element") -> float:
+    def critical_step(self, bound: str = "element", mass: np.ndarray | None = None) -> float:
         """Largest stable step in s; see `stability.critical_step` (collective)."""
-        return stability.critical_step(self, bound)
+        return stability.critical_step(self, bound, mass)
 
     def shape_functions(self, points, gradients: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Cells' shape functions at points; see `location.shape_functions` (collective)."""

@@ -53,7 +53,7 @@ def sums_of(soil: Assembly, contacts_only: bool = False) -> np.ndarray:
     """See `Assembly.force_sums`; with `contacts_only` the first three are zero."""
     sums = np.zeros(5)
     if not contacts_only:
-        resultant = np.linalg.norm(soil.forces[:, : soil.axes] * _free(soil)[:, : soil.axes], axis=1)
+        resultant = np.linalg.norm(soil.forces[:, : soil.axes] * free_components(soil)[:, : soil.axes], axis=1)
         moved = np.ones(soil.count, dtype=bool)
         moved[[i for i, free in soil._held.items() if not free[: soil.axes].any()]] = False
         sums[:3] = resultant[moved].max(initial=0.0), resultant[moved].sum(), moved.sum()
@@ -62,7 +62,7 @@ def sums_of(soil: Assembly, contacts_only: bool = False) -> np.ndarray:
     return sums
 
 
-def _free(soil: Assembly) -> np.ndarray:
+def free_components(soil: Assembly) -> np.ndarray:
     """1 for the free components of all particles (n, freedoms), 0 for the held ones."""
     free = np.ones((soil.count, soil.freedoms))
     for i, components in soil._held.items():
@@ -126,7 +126,7 @@ def settle(
                 f"not come down to tolerance={tolerance:g}"
             )
         if damping == "adaptive":
-            moved = (soil.displacements - place) * _free(soil)
+            moved = (soil.displacements - place) * free_components(soil)
             work, mass = -float(np.sum(moved * (soil.forces - force))), float(np.sum(inertia * moved**2))
             if work > 0.0 and mass > 0.0:
                 frequency = math.sqrt(work / mass)

@@ -24,6 +24,8 @@ LARGEST_MAP = 2000  # settings
 OVERLAPPING = ("lagrange", "penalty")
 BRIDGING = ("subcycling", "multiplier", "respa", "resync", "paper")
 COUPLINGS = (*OVERLAPPING, *BRIDGING)
+ALIKE = ("cells", "discs", "springs")  # no coupling of discs and cells
+FINEST = 5  # discs of a column that one coarse disc may touch
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,10 @@ class Parameters:
     overlap: float = parameter(0.05, "Width of its overlap zone.", "m", POSITIVE)
     wavelength: float = parameter(0.02, "Width l of its pulse.", "m", POSITIVE)
     penalty: float = parameter(4.0, "Factor of its springs (coupling penalty), see docs/overlap.md.", "-", POSITIVE)
-    couplings: str = parameter("lagrange,penalty", "Couplings of the map.", "")
+    couplings: str = parameter(
+        "lagrange,penalty", "Models of the map: couplings as above; what a change of resolution alone reflects, from cells of a "
+        "disc's size, or discs of the radius, to those of the element size (cells, discs); lattice springs with elements (springs).", "",
+    )  # fmt: skip
     elements: str = parameter("0.002,0.004,0.005", "Element sizes of the map.", "m")
     overlaps: str = parameter("0.01,0.02,0.03,0.05", "Overlap widths of the map.", "m")
     wavelengths: str = parameter("0.02,0.04", "Pulse widths of the map.", "m")
@@ -81,6 +86,13 @@ class Parameters:
             raise ValueError(f"wavelength={s.wavelength:g} must be at least three diameters, {6 * self.radius:g} m")
         if s.is_overlapping and not s.overlap >= 2.0 * self.radius:
             raise ValueError(f"overlap={s.overlap:g} must be at least a diameter of the particles, {2 * self.radius:g} m")
+        ratio = s.element / (2.0 * self.radius)
+        if s.coupling in ("discs", "springs") and (abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1):
+            raise ValueError(
+                f"element={s.element:g} must be a whole number of diameters, {2 * self.radius:g} m, with {s.coupling} among the couplings"
+            )
+        if s.coupling == "discs" and ratio > FINEST + 0.5:
+            raise ValueError(f"element={s.element:g} must be at most {FINEST} diameters, {2 * FINEST * self.radius:g} m, with discs among the couplings")
         if not s.element <= self.length - self.inner:
             raise ValueError(f"element={s.element:g} must be at most {self.length - self.inner:g} m, what is left for cells")
         if not self.inner >= s.overlap + s.wavelength:
@@ -105,7 +117,7 @@ class Parameters:
         waves, sizes, widths = (numbers(name, getattr(self, name)) for name in ("wavelengths", "elements", "overlaps"))
         found = []
         for wave, size in itertools.product(waves, sizes):
-            for coupling in listed("couplings", self.couplings, COUPLINGS):
+            for coupling in listed("couplings", self.couplings, (*COUPLINGS, *ALIKE)):
                 zones = widths if coupling in OVERLAPPING else [0.0]
                 factors = numbers("penalties", self.penalties) if coupling == "penalty" else [0.0]
                 found += [Setting(coupling, wave, size, width, factor) for width in zones for factor in factors]
@@ -148,8 +160,15 @@ class Setting(NamedTuple):
         return self.coupling in OVERLAPPING
 
     @property
+    def is_alike(self) -> bool:
+        """Whether no discs are coupled with cells."""
+        return self.coupling in ALIKE
+
+    @property
     def tie(self) -> str:
         """In words."""
+        if self.is_alike:
+            return "lattice springs, manifold" if self.coupling == "springs" else f"{self.coupling} on both sides"
         if not self.is_overlapping:
             return f"bridging, {self.coupling}"
         return "elimination" if self.coupling == "lagrange" else f"springs, factor {self.penalty:g}"

@@ -18,17 +18,24 @@ def lattice(p: Parameters, end: float, wavelength: float, kept: Any = slice(None
     """Lattice from x = 0 to `end` (m), or its sites that are `kept`, with the pulse at rest; its mass fills the strip."""
     soil = (_square if p.lattice == "square" else _hexagonal)(p, end, kept)
     soil.bond(REACH)
+    pulsed(p, soil, wavelength)
+    return soil
+
+
+def pulsed(p: Parameters, soil: Assembly, wavelength: float) -> None:
+    """Give particles at rest the displacement of the pulse."""
     moved = np.zeros((soil.count, 3))
     moved[:, 0] = p.pulse(soil.reference[:, 0], wavelength)
     soil.displacements = moved
-    return soil
 
 
 def restrain(p: Parameters, soil: Assembly, end: float) -> None:
     """Hold the outermost rows across the strip, as far as x < `end` (m)."""
     reach = 1.5 * p.radius if p.lattice == "square" else 0.5 * p.radius
     side = np.abs(soil.reference[:, 1] - 0.5 * p.strip_width) > 0.5 * p.strip_width - reach
-    soil.hold(np.flatnonzero(side & (soil.reference[:, 0] < end - 0.1 * p.radius)), "y" if p.lattice == "square" else "yr")
+    soil.hold(
+        np.flatnonzero(side & (soil.reference[:, 0] < end - 0.1 * p.radius)), "y" if p.lattice == "square" else "yr"
+    )
 
 
 def _square(p: Parameters, end: float, kept: Any) -> Assembly:

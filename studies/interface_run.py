@@ -106,6 +106,7 @@ def advise(p: Parameters, passages: list[Passage]) -> list[Advice]:
         good = [
             one for one in passages
             if (one.setting.wavelength, one.setting.element) == (wavelength, element) and one.reflection <= p.wanted
+            and not one.setting.is_alike
         ]  # fmt: skip
         best = min(good, key=lambda one: (one.setting.overlap, -one.step_of_lattice), default=None)
         found.append(Advice(wavelength, element, best))

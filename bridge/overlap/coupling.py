@@ -52,7 +52,7 @@ class Overlap:
             -alpha_r |T| w / |w| (eqs 25-26); with "lagrange" only.
 
     Supports, loads and gravity of the body and external forces of the particles must be set before; gravity is the body's and
-    acts on the particles too.
+    acts on the particles too. What is held of a particle in the zone must be fixed of the mesh there, and is not tied.
 
     Raises:
         ValueError: for arguments out of range or that do not go together, or a step above the critical one of either side.
@@ -95,8 +95,9 @@ class Overlap:
         self.time, self.coarse_steps = 0.0, 0
         self.mesh = WholeNodes(body)
         self.tie = Tie(body, soil, zone, rotation, self.mesh.width)
-        on_every_rank(body.comm, lambda: _check_held(soil, self.tie.ids))
         self.exchange = self.tie.exchange
+        fixed = self.exchange.gather(self.mesh.fixed.astype(float)) > 0.5
+        on_every_rank(body.comm, lambda: self.tie.leave_held(soil, fixed))
         soil.weigh(self.tie.share, self.tie.mass_share, np.isin(np.arange(soil.count), self.tie.ids, invert=True))
         springs = None
         if constraint == "penalty":
@@ -200,9 +201,3 @@ def _check_axes(body: Any, soil: Any) -> None:
     if soil.count and soil.axes != body.axes:
         kinds = {2: "discs with a plane body", 3: "spheres with a body in space"}
         raise ValueError(f"particles have {soil.axes} axes, the body has {body.axes}: {kinds[2]}, {kinds[3]}")
-
-
-def _check_held(soil: Any, ids: np.ndarray) -> None:
-    both = np.intersect1d(soil.held, ids)
-    if len(both):
-        raise ValueError(f"particle {both[0]} is held and lies in the zone, where the mesh leads: fix the body there instead")

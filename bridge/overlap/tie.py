@@ -9,10 +9,12 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from bridge.interpolation import NodeExchange, on_every_rank
+from particles.driving import free_components
 
 Array = NDArray[np.float64]
 
 ON_FACE = 1e-6  # distance from a face, in radii, that counts as on it
+LEAST_LEAD = 1e-9  # shape function of a node that moves, above which it leads a held particle
 LEAST = 1e-3  # share that a particle keeps, though it had no contact
 NEAR = 0.02  # gap, in sums of radii, up to which two particles count as neighbours
 ROTATIONS = ("micro", "curl", "free")
@@ -65,6 +67,31 @@ class Tie:
         """
         both = (self._mesh_share * self.mass_share * stiffness)[self.ids, None]
         return both * by_component(np.ones(len(self.ids)), radii[self.ids] ** 2, self._axes)
+
+    def leave_held(self, soil: Any, fixed: NDArray[np.bool_]) -> None:
+        """Untie the held components of particles, which stand still beside a mesh that does.
+
+        Springs there would bear what pushes the particle, and give way.
+
+        Args:
+            soil: Assembly.
+            fixed: (w, 3), nodal components that are prescribed.
+
+        Raises:
+            ValueError: a held component follows nodes that move.
+        """
+        if not soil.count:
+            return
+        held = free_components(soil)[self.ids].ravel() < 0.5
+        torn = held & (abs(self.matrix) @ (~fixed).ravel().astype(float) > LEAST_LEAD)
+        if torn.any():
+            first = self.ids[np.flatnonzero(torn)[0] // self._freedoms]
+            raise ValueError(
+                f"particle {first} at {soil.reference[first]} m is held and lies in the zone, where the mesh leads: fix the body "
+                "there as well"
+            )
+        self.matrix = sparse.csr_matrix(sparse.diags((~held).astype(float)) @ self.matrix)
+        self.matrix.eliminate_zeros()
 
     @property
     def tied(self) -> NDArray[np.bool_]:

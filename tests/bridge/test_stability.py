@@ -19,6 +19,17 @@ def test_variants_with_coarse_unknowns_outside_only_do_not_grow(variant, substep
     assert not growth(coupled).grows
 
 
+def test_multipliers_shorten_the_coarse_step_by_the_mass_that_ghosts_carry():
+    """Nodes keep 0.3 of their mass at least, and the step sqrt(0.3) of its limit; what is above was NaN after some steps."""
+    options = {**SMALL, "variant": "multiplier"}
+    made, _ = scene(**options, step=1e-4)
+    most, alone = made.critical_coarse_step(), made.body.critical_step("power")
+    assert np.sqrt(0.3) * alone <= most < alone
+    assert scene(**options, step=0.999 * most, substeps=8)[0].step < most
+    with pytest.raises(ValueError, match="variant='multiplier'"):
+        scene(**options, step=1.001 * most, substeps=8)
+
+
 @pytest.mark.parametrize("substeps", [1, 2, 4, 8, 11])
 def test_subcycling_does_not_grow_near_the_critical_steps(substeps):
     """Undamped, particle steps at 0.75 of their critical one and coarse steps at up to 0.7 of theirs (2.42 ms)."""
