@@ -121,6 +121,7 @@ class Assembly:
         self._imposed = 0.0
         self._sorted_at: np.ndarray | None = None
         self._outer: pruning.OuterList | None = None
+        self._calling = listing.CALLING  # what a list costs beside the particles, see `listing.skin_scale`
         self._mean_radius = float(mean)  # of the whole scene where this is a part
         self._breaks: list[np.ndarray] = []
         usual = listing.skin_scale(max(count, 1), listing.GAPS[self.axes] * max(count, 1) / mean)

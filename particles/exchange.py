@@ -33,6 +33,7 @@ from particles.walls.servo import set_contact_constants
 
 llvm.load_library_permanently(MPI.__file__)  # the compiled loops call MPI by the names of its functions
 
+CALLING = 15e4  # what lists and halos of all ranks cost beside the particles, in steps of a pair (`particles.listing.skin_scale`)
 _run, _evaluate, _stale, _kick = map(Direct, (motion.advance, motion.evaluate_with, motion.stale, motion.kick))
 
 
@@ -89,6 +90,7 @@ class SharedAssembly(Gathered):
         owner = self.owners.of(places)
         own = loaded(part, self.ids, np.flatnonzero(owner[part._rows] == comm.rank), self._known)
         self.ids, self._known = unload(part, [own], self.count)
+        part._calling = CALLING
         self.rebuild()
 
     def restore(self, state: dict[str, Any] | None) -> None:

@@ -82,9 +82,9 @@ def rebuild(soil: Assembly) -> None:
         holding.place(soil)
 
 
-def skin_scale(count: int, more: float) -> float:
+def skin_scale(count: int, more: float, calling: float = CALLING) -> float:
     """Length (m) that `particles.motion.fitting_skin` takes, with as many pairs `more` for each metre of skin (1/m)."""
-    return 2.0 * (PRUNING * count + CALLING) / more
+    return 2.0 * (PRUNING * count + calling) / more
 
 
 def _fit_skin(soil: Assembly) -> None:
@@ -148,7 +148,7 @@ def _pruned(
         )
     if system.clock[SKIN_SCALE] and outer.skin > 2.0 * soil.skin:
         more = (outer.start[-1] - start[-1]) / (outer.skin - soil.skin)  # pairs for each metre of skin
-        system.clock[SKIN_SCALE] = skin_scale(soil.count, max(more, max(soil.count, 1) / soil._mean_radius))
+        system.clock[SKIN_SCALE] = skin_scale(soil.count, max(more, max(soil.count, 1) / soil._mean_radius), soil._calling)
     return {"start": start, "first": first, "second": second, "history": history}
 
 
