@@ -92,7 +92,7 @@ def test_an_elastic_block_resists_the_pick_as_particles_alone_do():
 def test_the_command_compares_both_methods(tmp_path):
     options = [word for name, value in SMALL.items() for word in (f"--{name.replace('_', '-')}", str(value))]
     found = CliRunner().invoke(
-        command, ["--compare", *options, "--path", "0.15", "--samples", "20", "--frames", "4", "--output", str(tmp_path / "cut"), "--quiet"],
+        command, ["--compare", *options, "--path", "0.06", "--samples", "10", "--frames", "3", "--output", str(tmp_path / "cut"), "--quiet"],
         standalone_mode=False,
     )  # fmt: skip
     assert found.exception is None and found.return_value == 0
