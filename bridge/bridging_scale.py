@@ -20,6 +20,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
+from bridge import checks
 from bridge.fine import FineScale
 from bridge.interpolation import Interpolation, on_every_rank
 from bridge.variants import VARIANTS
@@ -67,13 +68,9 @@ class BridgingScale:
             raise ValueError("the bridging scale needs a Cosserat body: particle rotations follow its micro-rotation")
         if body.axes != 2:
             raise ValueError("the bridging scale is plane: take Overlap with a body of tetrahedra or hexahedra")
-        if int(substeps) != substeps or substeps < 1:
-            raise ValueError(f"substeps={substeps} must be a whole number of at least 1")
-        for name, value, least in (("step", step, np.nextafter(0.0, 1.0)), ("mass_damping", mass_damping, 0.0)):
-            if not (np.isfinite(value) and value >= least):
-                raise ValueError(f"{name}={value} must be {'positive' if least else 'zero or positive'} and finite")
         self.body, self.soil, self.variant = body, soil, variant
-        self.step, self.substeps, self.mass_damping = float(step), int(substeps), float(mass_damping)
+        self.step, self.substeps = checks.number("step", step), checks.count("substeps", substeps)
+        self.mass_damping = checks.number("mass_damping", mass_damping, positive=False)
         self.time, self.coarse_steps = 0.0, 0
         on_every_rank(body.comm, lambda: self._check_particles(ghosts, share))
         ghosts = np.asarray(ghosts, dtype=bool)

@@ -75,6 +75,8 @@ class Parameters:
                 )
         elif abs(rows - round(rows)) > 1e-6 or round(rows) < 1:
             raise ValueError(f"radius={self.radius:g} must be such that discs fill width={self.width:g} m: a half, a fourth, ... of it")
+        if self.lattice == "hexagonal" and any(s.coupling == "discs" for s in self.settings()):
+            raise ValueError("couplings with discs must go with lattice=square, whose rows are what changes")
         if len(self.settings()) > LARGEST_MAP:
             raise ValueError(f"the map has {len(self.settings())} settings; it must have at most {LARGEST_MAP}: shorten its lists")
         for setting in [self.shown, *self.settings()]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,14 +15,16 @@ from studies.interface_run import Profile
 
 PARTICLES, CELLS, ZONE = "#c1272d", "#1f5fa8", "0.9"
 MARKERS = "osD^vP*X"
+FLOOR = 1e-5  # least reflection that is drawn
 
 
 def draw(p: Parameters, outcome: Outcome, profiles: list[Profile], passages: list[Passage], folder: Path) -> None:
     """All figures into the folder of the run."""
     along(p, profiles, folder / "profiles.png")
     passing(p, outcome, folder / "passage.png")
-    if passages:
-        reflections(p, passages, folder / "map.png")
+    for name, axis in AXES.items():
+        if len({_of(one, name) for one in passages} - {0.0}) > 1 or (passages and name == "overlap"):
+            reflections(p, passages, name, folder / axis.file)
 
 
 def along(p: Parameters, profiles: list[Profile], path: Path) -> None:
@@ -61,26 +64,64 @@ def passing(p: Parameters, outcome: Outcome, path: Path) -> None:
     drawing.save(drawn, path)
 
 
-def reflections(p: Parameters, passages: list[Passage], path: Path) -> None:
-    """Reflection against the overlap: a row a pulse, a column an element size, a line a tie."""
-    waves, sizes = (sorted({getattr(one.setting, name) for one in passages}) for name in ("wavelength", "element"))
-    drawn, axes = drawing.figure(len(waves), len(sizes), (3.6, 2.9), sharex=True, sharey=True)
-    for row, wave in zip(axes, waves):
-        for ax, size in zip(row, sizes):
-            here = [one for one in passages if (one.setting.wavelength, one.setting.element) == (wave, size)]
-            for k, tie in enumerate(dict.fromkeys(one.setting.tie for one in here)):
-                line = [(1e3 * one.setting.overlap, 100 * one.reflection) for one in here if one.setting.tie == tie]
-                style = {"color": "k", "lw": 1.6} if k == 0 else {"color": f"C{k - 1}", "lw": 1.0}
-                ax.plot(*zip(*line), marker=MARKERS[k % len(MARKERS)], ms=4, label=tie, **style)
+class Axis(NamedTuple):
+    """A parameter of the map that pictures go along."""
+
+    file: str
+    label: str
+    factor: float  # from SI to the unit of the label
+    title: str
+
+
+AXES = {
+    "overlap": Axis("map.png", "overlap (mm)", 1e3, "overlap {:g} mm"),
+    "wavelength": Axis("map_wavelength.png", "width of the pulse (mm)", 1e3, "pulse {:g} mm"),
+    "element": Axis("map_element.png", "element size (mm)", 1e3, "elements {:g} mm"),
+    "penalty": Axis("map_penalty.png", "factor of the springs", 1.0, "factor {:g}"),
+}
+
+
+def reflections(p: Parameters, passages: list[Passage], along: str, path: Path) -> None:
+    """Reflection against one of `AXES`: panels by two of the others, a line a tie; without a zone a horizontal line."""
+    axis = AXES[along]
+    across, down = [name for name in ("element", "wavelength", "overlap") if name != along][:2]
+    columns, rows = (sorted({getattr(one.setting, name) for one in passages} - {0.0}) for name in (across, down))
+    drawn, panels = drawing.figure(len(rows), len(columns), (3.6, 2.9), sharex=True, sharey=True)
+    seen = [one for one in passages if one.reflection >= FLOOR]
+    styles = {name: k for k, name in enumerate(dict.fromkeys(_words(one, along) for one in seen))}
+    handles: dict[str, Any] = {}
+    for panel_row, low in zip(panels, rows):
+        for ax, high in zip(panel_row, columns):
+            here = [one for one in seen if _of(one, across) in (high, 0.0) and _of(one, down) in (low, 0.0)]
+            for name, k in styles.items():
+                line = sorted((one for one in here if _words(one, along) == name), key=lambda one: _of(one, along))
+                x, y = [axis.factor * _of(one, along) for one in line], [100 * one.reflection for one in line]
+                style = {"color": f"C{k}", "lw": 1.0, "ls": "--" if line and x[0] == 0.0 else "-"}
+                if line and x[0] == 0.0:
+                    handles[name] = ax.axhline(y[0], **style)
+                elif line:
+                    (handles[name],) = ax.plot(x, y, marker=MARKERS[k % len(MARKERS)], ms=4, **style)
             ax.axhline(100 * p.wanted, color="0.4", ls=":", lw=1.0)
-            title = f"pulse {1e3 * wave:g} mm, elements {1e3 * size:g} mm: {wave / size:.3g} in a pulse"
-            ax.set_title(title, fontsize=8)
-            ax.set(yscale="log")
+            ax.set_title(", ".join(AXES[name].title.format(AXES[name].factor * value) for name, value in ((down, low), (across, high))), fontsize=8)
+            ax.set(yscale="log", xscale="log" if along == "penalty" else "linear")
             ax.grid(alpha=0.3, which="both")
             ax.yaxis.set_major_formatter("{x:g}")
-    for ax in axes[-1]:
-        ax.set_xlabel("overlap (mm)")
-    for ax in axes[:, 0]:
+    for ax in panels[-1]:
+        ax.set_xlabel(axis.label)
+    for ax in panels[:, 0]:
         ax.set_ylabel("reflection (%)")
-    axes[0, 0].legend(fontsize=6)
+    panels[0, 0].legend(handles.values(), handles.keys(), fontsize=6)
     drawing.save(drawn, path)
+
+
+def _of(one: Passage, name: str) -> float:
+    """A parameter of a passage; zero where the model has none."""
+    return float(getattr(one.setting, name))
+
+
+def _words(one: Passage, along: str) -> str:
+    """The line that a passage belongs to."""
+    s = one.setting
+    if along != "penalty" or not s.is_overlapping:
+        return s.tie
+    return f"{'springs' if s.coupling == 'penalty' else s.tie}, overlap {1e3 * s.overlap:g} mm"

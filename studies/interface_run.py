@@ -18,7 +18,7 @@ from bridge.run import Outcome, Stopwatch, run
 from studies.interface import PUBLISHED_TRANSIT, Parameters
 from studies.interface_model import Passage, Strip, passage
 
-FIGURES = ("profiles.png", "passage.png", "map.png")
+FIGURES = ("profiles.png", "passage.png", "map.png", "map_wavelength.png", "map_element.png", "map_penalty.png")
 FILES = ("summary.json", "history.csv", "profiles.csv", "map.csv", *FIGURES)
 SHOWN = (0.0, 0.18, 0.42, 0.75, 1.2, 1.6, 1.85)  # times of the profiles, in transits of the strip
 LARGEST_DRIFT = 0.02  # of the energy of the free wave, a share of it

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from bridge import checks
 from bridge.interpolation import on_every_rank
 from bridge.overlap import limit
 from bridge.overlap.fine import ZoneParticles
@@ -80,18 +81,15 @@ class Overlap:
             raise ValueError(f"rotation={rotation!r} must be one of {', '.join(ROTATIONS)}")
         if rotation == "micro" and not body.turns:
             raise ValueError("rotation='micro' needs a Cosserat body; take 'curl' or 'free' with a Cauchy body")
-        if int(substeps) != substeps or substeps < 1:
-            raise ValueError(f"substeps={substeps} must be a whole number of at least 1")
-        for name, value, least in (("step", step, 1), ("penalty", penalty, 1), ("mass_damping", mass_damping, 0)):
-            if not (np.isfinite(value) and value >= 0.0 and (value > 0.0 or not least)):
-                raise ValueError(f"{name}={value} must be {'positive' if least else 'zero or positive'} and finite")
+        checks.number("penalty", penalty)
         if vector_damping is not None and constraint != "lagrange":
             raise ValueError(f"vector_damping={vector_damping} goes with constraint='lagrange' only; leave it out with springs")
         if body.share is not zone:
             raise ValueError("the body does not leave the zone's share to the particles: make it with share=zone, the same zone")
         on_every_rank(body.comm, lambda: _check_axes(body, soil))
         self.body, self.soil, self.zone, self.constraint, self.rotation = body, soil, zone, constraint, rotation
-        self.step, self.substeps, self.mass_damping = float(step), int(substeps), float(mass_damping)
+        self.step, self.substeps = checks.number("step", step), checks.count("substeps", substeps)
+        self.mass_damping = checks.number("mass_damping", mass_damping, positive=False)
         self.time, self.coarse_steps = 0.0, 0
         self.mesh = WholeNodes(body)
         self.tie = Tie(body, soil, zone, rotation, self.mesh.width)

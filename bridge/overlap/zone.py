@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.checks import number
+
 Array = NDArray[np.float64]
 
 PROFILES = {
@@ -50,9 +52,7 @@ class OverlapZone:
     @classmethod
     def within(cls, region: Any, width: float, profile: str = "linear") -> OverlapZone:
         """The band of a width (m) inside the outline of the particles' region."""
-        if not (np.isfinite(width) and width > 0.0):
-            raise ValueError(f"width={width} must be positive and finite (m)")
-        return cls(Shrunk(region, width), region, profile)
+        return cls(Shrunk(region, number("width", width)), region, profile)
 
     def __call__(self, points) -> Array:
         to_inner, to_outer = self.distances(points)

@@ -103,6 +103,7 @@ def test_a_run_keeps_its_energy_and_inverts_at_the_fixed_end(tmp_path):
         assert (tmp_path / name).stat().st_size > 0
     with (tmp_path / "map.csv").open() as file:
         rows = list(csv.DictReader(file))
+    assert {"map_element.png", "map_penalty.png"}.isdisjoint(path.name for path in tmp_path.iterdir())  # one value, no axis
     assert len(rows) == 4 and {row["coupling"] for row in rows} == {"lagrange", "penalty"}
     assert json.loads((tmp_path / "summary.json").read_text())["advice"] == summary["advice"]
 
@@ -135,7 +136,7 @@ def test_quadrilaterals_and_cosserat_cells(tmp_path):
         (["--inner", "0.05"], "inner"), (["--length", "0.15"], "length"), (["--radius", "0.0011"], "radius"),
         (["--overlaps", "a"], "overlaps"), (["--wavelengths", "0.001"], "wavelength"), (["--coupling", "glue"], "coupling"),
         (["--couplings", "lagrange,glue"], "couplings"), (["--lattice", "hexagonal"], "poisson_ratio"),
-        (["--overlap", "0.001"], "overlap"), (["--element", "1"], "element"), (["--samples", "0"], "samples"),
+        (["--couplings", "discs"], "element"), (["--overlap", "0.001"], "overlap"), (["--element", "1"], "element"), (["--samples", "0"], "samples"),
     ],
 )  # fmt: skip
 def test_bad_input_is_named_before_anything_is_computed(options, word, tmp_path):
