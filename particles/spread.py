@@ -198,7 +198,7 @@ class SpreadAssembly:
             self._order("hear_of_walls", news)
         return self._shared
 
-    def _step(self, name: str, *arguments: Any, **options: Any) -> None:
+    def _act(self, name: str, *arguments: Any, **options: Any) -> None:
         shared = self._placed()
         self._fresh = False
         try:
@@ -225,11 +225,11 @@ class SpreadAssembly:
             raise ValueError(f"steps={steps} must be a whole number, zero or positive")
         self._soil.terms(**loads)  # refused here, before all ranks are at work
         if steps > 0:
-            self._step("advance", int(steps), step, **loads)
+            self._act("advance", int(steps), step, **loads)
 
     def prepare(self, step: float, steps: int = 1, **loads: Any) -> None:
         """Compute forces and accelerations of the present state; see `Assembly.prepare`."""
-        self._step("prepare", step, steps, **loads)
+        self._act("prepare", step, steps, **loads)
 
     def deform(self, velocity_gradient: Any) -> None:
         """See `Assembly.deform`."""
@@ -237,7 +237,7 @@ class SpreadAssembly:
             self._soil.deform(velocity_gradient)
         else:
             checked_gradient(self._soil.cell, velocity_gradient)
-            self._step("deform", velocity_gradient)
+            self._act("deform", velocity_gradient)
 
     def _sum(self, name: str) -> Any:
         """What an assembly says of itself, from the parts where it would have to be brought together."""

@@ -129,7 +129,7 @@ def newer(path):
         file.attrs["version"] = checkpoint.VERSION + 1
 
 
-@pytest.mark.parametrize("change, words", [(damaged, "cannot be read"), (foreign, "no checkpoint"), (newer, "has version 2")])
+@pytest.mark.parametrize("change, words", [(damaged, "cannot be read"), (foreign, "no checkpoint"), (newer, f"has version {checkpoint.VERSION + 1}")])
 def test_what_cannot_be_read_is_refused_with_a_word(tmp_path, change, words):
     path = tmp_path / checkpoint.NAME
     checkpoint.write(path, {"study": "foundation"}, {"values": np.arange(100.0)})
