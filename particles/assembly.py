@@ -515,7 +515,7 @@ class Assembly:
             raise ValueError(f"mass_damping={mass_damping} must be zero or positive (1/s)")
         if not 0.0 <= local_damping < 1.0:
             raise ValueError(f"local_damping={local_damping} must lie in [0, 1)")
-        factors = (0.0, 0.0) if vector_damping is None else tuple(np.ravel(vector_damping).tolist())
+        factors: Any = (0.0, 0.0) if vector_damping is None else tuple(np.ravel(vector_damping).tolist())
         if len(factors) != 2 or not all(0.0 <= factor < 1.0 for factor in factors):
             raise ValueError(f"vector_damping={vector_damping} must be two numbers in [0, 1)")
         return Terms(

@@ -62,8 +62,9 @@ def _split(places: np.ndarray, weights: np.ndarray, scale: np.ndarray, comm: Any
 
 def _plane(values: np.ndarray, weights: np.ndarray, low: float, high: float, share: float, comm: Any) -> float:
     """Where to cut (the middle of a gap between points) so that about this share of the weight lies below."""
-    edges: np.ndarray = np.array([low, high])
-    sums, target = np.zeros(2), 0.0
+    edges: Any = np.array([low, high])
+    sums: Any = np.zeros(2)
+    target = 0.0
     for turn in range(ROUNDS):
         if not low < high:
             break

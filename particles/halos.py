@@ -44,8 +44,9 @@ class Bordering:
     def _units(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places of the rows (n, axes), along periodic axes as shares of the edge; length of a unit (axes,), m; which axes repeat."""
         part = self.part
-        places, scale = part._system.position[:, : self.axes], np.ones(self.axes)
-        periodic = np.zeros(self.axes, dtype=bool)
+        places: np.ndarray = part._system.position[:, : self.axes]
+        scale: np.ndarray = np.ones(self.axes)
+        periodic: np.ndarray = np.zeros(self.axes, dtype=bool)
         if part.cell is not None:
             periodic = part.cell.periodic
             units = np.linalg.solve(part.cell.matrix, places.T).T

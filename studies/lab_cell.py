@@ -40,10 +40,10 @@ class ServoCell:
 
     def state(self) -> dict[str, Any]:
         """All that `restored` needs."""
-        axes = np.array(list(self._targets), dtype=np.int64)
+        axes, targets = (np.array(list(some)) for some in (self._targets, self._targets.values()))
         return {
             "step": self.step, "interval": self.interval, "stress": self.stress, "softness": self._softness, "imposed": self._imposed,
-            "trend": self._trend, "wait": self._wait, "axes": axes, "targets": np.array([self._targets[a] for a in axes.tolist()]),
+            "trend": self._trend, "wait": self._wait, "axes": axes, "targets": targets,
         }  # fmt: skip
 
     @classmethod
