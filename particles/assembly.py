@@ -549,8 +549,7 @@ class Assembly:
             network.hold(self._system.walls)
             if self.cell is not None:
                 self.cell.arrays.rate[:] = self.cell.arrays.gradient @ self.cell.arrays.matrix
-            network.evaluate(self._system, terms, 0.0)
-            network.kick(self._system, terms, 0.0)
+            _advance(self._system, terms, 0, step, False, None, None)
             self._primed = (terms[5:],)
         walls = self._system.walls
         if walls is not None and (driving := driven(self.plates, walls, self.time, step, steps)) is not walls:

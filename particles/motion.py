@@ -388,7 +388,7 @@ def _runaway(position, velocity, spin, limit, step):
 
 @njit(**STEPS)
 def advance(system, terms, steps, step, resume, border, halo):
-    """Make `steps` steps of size `step` (s).
+    """Make `steps` steps of size `step` (s); none of them: forces and accelerations of the present state.
 
     Args:
         border, halo: contacts with particles of other ranks and the way to them; None on one rank (collective otherwise).
@@ -397,15 +397,18 @@ def advance(system, terms, steps, step, resume, border, halo):
         Steps done and FINISHED; or STALE (drifted, not evaluated: rebuild the list and resume with the steps that are
         left); or UNSTABLE.
     """
-    if not resume:
+    size = step if steps > 0 else 0.0
+    if steps > 0 and not resume:
         drift(system, terms, step)
     _load(system.force, system.torque, system.lightness, terms.gravity, system.external, 0, system.position.shape[0])
     done = 0
     while True:
-        if done_with(system, halo):
+        if steps > 0 and done_with(system, halo):
             return done, STALE
         done += 1
-        _evaluate_and_kick(system, terms, step, TO_END if done == steps else ONWARD, border, halo)
+        _evaluate_and_kick(system, terms, size, TO_END if done >= steps else ONWARD, border, halo)
+        if steps == 0:
+            return 0, FINISHED
         if done == steps or done % CHECK_INTERVAL == 0:
             if highest(halo, UNSTABLE if runaway(system, step) >= 0 else FINISHED) == UNSTABLE:
                 return done, UNSTABLE
