@@ -549,12 +549,21 @@ class Assembly:
             network.hold(self._system.walls)
             if self.cell is not None:
                 self.cell.arrays.rate[:] = self.cell.arrays.gradient @ self.cell.arrays.matrix
-            _advance(self._system, terms, 0, step, False, None, None)
+            if self._is_led:  # by loops of their own: two short functions are compiled sooner than the loop of the steps
+                network.evaluate(self._system, terms, 0.0)
+                network.kick(self._system, terms, 0.0)
+            else:
+                _advance(self._system, terms, 0, step, False, None, None)
             self._primed = (terms[5:],)
         walls = self._system.walls
         if walls is not None and (driving := driven(self.plates, walls, self.time, step, steps)) is not walls:
             self._system = self._system._replace(walls=driving)
         return self._system, terms
+
+    @property
+    def _is_led(self) -> bool:
+        """Whether a coupling moves some of the particles, or carries a share of the body."""
+        return bool(self._ghost.any()) or self._system.share is not None
 
     def advance(self, steps: int, step: float, **loads: Any) -> None:
         """Make `steps` steps of size `step` (s) by explicit central difference (Li & Wan 2010, eqs 27-30).

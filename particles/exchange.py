@@ -34,7 +34,7 @@ from particles.walls.servo import set_contact_constants
 llvm.load_library_permanently(MPI.__file__)  # the compiled loops call MPI by the names of its functions
 
 CALLING = 15e4  # what lists and halos of all ranks cost beside the particles, in steps of a pair (`particles.listing.skin_scale`)
-_run, _stale = Direct(motion.advance), Direct(motion.stale)
+_run, _evaluate, _stale, _kick = map(Direct, (motion.advance, motion.evaluate_with, motion.stale, motion.kick))
 
 
 _ASSIGNED = [*range(VELOCITY, VELOCITY + 6), *range(LOAD, LOAD + 6), GIVEN, DRIVEN]  # columns of a body
@@ -202,7 +202,11 @@ class SharedAssembly(Gathered):
             network.hold(part._system.walls)
             if part.cell is not None:
                 part.cell.arrays.rate[:] = part.cell.arrays.gradient @ part.cell.arrays.matrix
-            _run(part._system, terms, 0, step, False, self._border, self._halo)
+            if self.comm.allreduce(part._is_led, op=MPI.LOR):
+                _evaluate(part._system, terms, 0.0, self._border, self._halo)
+                _kick(part._system, terms, 0.0)
+            else:
+                _run(part._system, terms, 0, step, False, self._border, self._halo)
             part._primed = (terms[5:],)
         walls = part._system.walls
         if walls is not None and (walls.drive is not None or (walls.body[:, DRIVEN] > 0.0).any()):
