@@ -11,7 +11,7 @@ def number(name: str, value: Any, positive: bool = True) -> float:
     """A positive (or zero or positive) finite number; ValueError by name otherwise."""
     fits = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
     if not (fits and (value > 0.0 or (value == 0.0 and not positive))):
-        raise ValueError(f"{name}={value!r} must be a {'positive' if positive else 'zero or positive'} and finite number")
+        raise ValueError(f"{name}={value!r} must be {'positive' if positive else 'zero or positive'}, a finite number")
     return float(value)
 
 

@@ -253,7 +253,7 @@ WRONG = [
     ({"constraint": "glue"}, "constraint"), ({"rotation": "fixed"}, "rotation"), ({"penalty": 0.0}, "penalty"),
     ({"step": 1.0}, "critical step"), ({"substeps": 0}, "substeps"), ({"mass_damping": -1.0}, "mass_damping"),
     ({"constraint": "penalty", "vector_damping": (0.2, 0.2)}, "vector_damping"), ({"vector_damping": 0.2}, "vector_damping=0.2"),
-    ({"step": "1"}, "step='1' must be a positive"), ({"penalty": "4"}, "penalty='4'"), ({"substeps": np.nan}, "substeps=nan must be"),
+    ({"step": "1"}, "step='1' must be positive"), ({"penalty": "4"}, "penalty='4'"), ({"substeps": np.nan}, "substeps=nan must be"),
 ]  # fmt: skip
 
 
