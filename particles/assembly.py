@@ -6,13 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from particles import bonds, driving, energies, holding, listing, motion, network, pruning, stability
+from particles import bonds, driving, energies, holding, listing, network, pruning, stability, stepping
 from particles.cell import PeriodicCell, checked_gradient, nearest_image
 from particles.columns import aligned
 from particles.contacts import SCRATCH
-from particles.dispatch import Direct
 from particles.laws.several import Laws
-from particles.motion import Unstable
 from particles.network import rows_of
 from particles.system import (
     LEAST_SKIN,
@@ -21,19 +19,15 @@ from particles.system import (
     SMALLEST_RADIUS,
     SUMS,
     TIME,
-    TRAVEL,
     TRAVEL_LIMIT,
     System,
     Terms,
 )
 from particles.walls.history import recorded, recording
 from particles.walls.joining import check_joining
-from particles.walls.listing import arranged, driven
+from particles.walls.listing import arranged
 from particles.walls.periodic import check_deformation
-from particles.walls.servo import set_contact_constants
 from particles.walls.wall import Wall
-
-_advance, _stale, _runaway = Direct(motion.advance), Direct(motion.stale), Direct(motion.runaway)
 
 WHOLE = 1e6  # share of contacts that makes those with any other particle count in full
 SKIN, THINNEST = 0.12, 0.002  # skin that is not given, as a share of the mean radius: at first, and later at least
@@ -485,9 +479,7 @@ class Assembly:
         Raises:
             Unstable: a disc moves by more than a radius per step, or is not finite.
         """
-        if _stale(self._system):
-            self._raise_runaway(self._step, "")
-            listing.rebuild(self)
+        stepping.refresh(self)
         return self._system
 
     # Stepping ----------------------------------------------------------------------------------------------------------
@@ -534,36 +526,8 @@ class Assembly:
         Args:
             loads: keywords of `terms`.
         """
-        if not (np.isfinite(step) and step > 0.0):
-            raise ValueError(f"step={step} must be positive (s)")
-        if self._loads is None or self._loads[0] != loads:
-            self._loads = loads, self.terms(**loads)
-        terms = self._loads[1]
-        self._step = step
-        clock = self._system.clock
-        if not clock[TRAVEL] <= clock[TRAVEL_LIMIT] and _stale(self._system):
-            listing.rebuild(self)
-        set_contact_constants(self)
-        loaded = [wall.has_new_load() for wall in self.plates]  # of all, each is asked once
-        if self._primed != (terms[5:],) or any(loaded):
-            network.hold(self._system.walls)
-            if self.cell is not None:
-                self.cell.arrays.rate[:] = self.cell.arrays.gradient @ self.cell.arrays.matrix
-            if self._is_led:  # by loops of their own: two short functions are compiled sooner than the loop of the steps
-                network.evaluate(self._system, terms, 0.0)
-                network.kick(self._system, terms, 0.0)
-            else:
-                _advance(self._system, terms, 0, step, False, None, None)
-            self._primed = (terms[5:],)
-        walls = self._system.walls
-        if walls is not None and (driving := driven(self.plates, walls, self.time, step, steps)) is not walls:
-            self._system = self._system._replace(walls=driving)
+        terms = stepping.prepare(self, step, steps, loads)
         return self._system, terms
-
-    @property
-    def _is_led(self) -> bool:
-        """Whether a coupling moves some of the particles, or carries a share of the body."""
-        return bool(self._ghost.any()) or self._system.share is not None
 
     def advance(self, steps: int, step: float, **loads: Any) -> None:
         """Make `steps` steps of size `step` (s) by explicit central difference (Li & Wan 2010, eqs 27-30).
@@ -583,31 +547,9 @@ class Assembly:
         _, terms = self.prepare(step, steps, **loads)
         self._system = recording(self.plates, self._system, int(steps))
         try:
-            self._run(terms, int(steps), step)
+            stepping.run(self, terms, int(steps), step)
         finally:
             self._system = recorded(self.plates, self._system)
-
-    def _run(self, terms: Terms, steps: int, step: float) -> None:
-        system, left, resume = self._system, steps, False
-        while True:
-            done, code = _advance(system, terms, left, step, resume, None, None)
-            left -= done
-            if code != motion.FINISHED:
-                self._raise_runaway(step, f" in step {steps - left}")
-            if code == motion.FINISHED:
-                return
-            listing.rebuild(self)
-            system, resume = self._system, True
-
-    def _raise_runaway(self, step: float, where: str) -> None:
-        row = _runaway(self._system, step)
-        if row >= 0:
-            motion_of = self.velocities[self._ids[row]]
-            speed, spin = np.linalg.norm(motion_of[: self.axes]), np.linalg.norm(motion_of[self.axes :])
-            raise Unstable(
-                f"particle {self._label(row)} runs away{where} at t={self.time:g} s with {speed:.3g} m/s and "
-                f"{spin:.3g} rad/s: more than the smallest radius in a step of {step:g} s; take a smaller step"
-            )
 
     def _label(self, row: int) -> int:
         """Number of a row's particle as the user knows it."""

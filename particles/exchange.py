@@ -17,15 +17,15 @@ import llvmlite.binding as llvm
 import numpy as np
 from mpi4py import MPI
 
-from particles import listing, motion, network
+from particles import listing, stepping
 from particles.assembly import Assembly
-from particles.dispatch import Direct, compiled_seconds
+from particles.dispatch import compiled_seconds
 from particles.gathered import Gathered
 from particles.motion import FINISHED, Unstable
 from particles.owners import LIMIT, PAIR, Owners
 from particles.parts import all_pairs, loaded, unload
 from particles.state import restore
-from particles.system import SUMS, TRAVEL, TRAVEL_LIMIT, Terms
+from particles.system import SUMS, TRAVEL, Terms
 from particles.walls.history import recorded, recording
 from particles.walls.listing import driven
 from particles.walls.rows import DASHPOT, DRIVEN, GIVEN, LOAD, STIFFNESS, VELOCITY
@@ -34,7 +34,6 @@ from particles.walls.servo import set_contact_constants
 llvm.load_library_permanently(MPI.__file__)  # the compiled loops call MPI by the names of its functions
 
 CALLING = 15e4  # what lists and halos of all ranks cost beside the particles, in steps of a pair (`particles.listing.skin_scale`)
-_run, _evaluate, _stale, _kick = map(Direct, (motion.advance, motion.evaluate_with, motion.stale, motion.kick))
 
 
 _ASSIGNED = [*range(VELOCITY, VELOCITY + 6), *range(LOAD, LOAD + 6), GIVEN, DRIVEN]  # columns of a body
@@ -156,7 +155,7 @@ class SharedAssembly(Gathered):
         Raises:
             Unstable: on every rank, when particles of any rank blow up.
         """
-        self._together(lambda: self.part._raise_runaway(self.part._step, ""))
+        self._together(lambda: stepping.raise_runaway(self.part, self.part._step, ""))
         self.rebuild()
 
     @property
@@ -190,24 +189,13 @@ class SharedAssembly(Gathered):
         part = self.part
         terms = part.terms(**loads)
         part._step = step
-        clock = part._system.clock
-        worn = not clock[TRAVEL] <= clock[TRAVEL_LIMIT] and _stale(part._system)
-        if self.comm.allreduce(bool(worn), op=MPI.LOR):
+        if self.comm.allreduce(stepping.is_worn(part), op=MPI.LOR):
             self.rebuild()
         set_contact_constants(part)
         if part._system.walls is not None:
             self._agree_on_servos()
-        loaded = [wall.has_new_load() for wall in part.plates]
-        if part._primed != (terms[5:],) or any(loaded):
-            network.hold(part._system.walls)
-            if part.cell is not None:
-                part.cell.arrays.rate[:] = part.cell.arrays.gradient @ part.cell.arrays.matrix
-            if self.comm.allreduce(part._is_led, op=MPI.LOR):
-                _evaluate(part._system, terms, 0.0, self._border, self._halo)
-                _kick(part._system, terms, 0.0)
-            else:
-                _run(part._system, terms, 0, step, False, self._border, self._halo)
-            part._primed = (terms[5:],)
+        if stepping.needs_start(part, terms):
+            stepping.start(part, terms, step, self.comm.allreduce(stepping.is_led(part), op=MPI.LOR), self._border, self._halo)
         walls = part._system.walls
         if walls is not None and (walls.drive is not None or (walls.body[:, DRIVEN] > 0.0).any()):
             # functions of time may be known on rank 0 alone
@@ -237,11 +225,11 @@ class SharedAssembly(Gathered):
         left, resume = int(steps), False
         try:
             while True:
-                done, code = _run(part._system, terms, left, step, resume, self._border, self._halo)
+                done, code = stepping.advance(part._system, terms, left, step, resume, self._border, self._halo)
                 left -= done
                 if code == FINISHED:
                     return
-                self._together(lambda: part._raise_runaway(step, f" in step {steps - left}"))
+                self._together(lambda: stepping.raise_runaway(part, step, f" in step {steps - left}"))
                 self.rebuild()
                 resume = True
         finally:

@@ -14,7 +14,7 @@ from particles.cell import PeriodicCell, reduce_tilt
 from particles.columns import aligned
 from particles.dispatch import Direct
 from particles.motion import Unstable, fitting_skin
-from particles.system import AGE, LEAST_SKIN, RADIUS, SKIN_SCALE, TRAVEL
+from particles.system import AGE, LEAST_SKIN, RADIUS, ROWS, SKIN_SCALE, TRAVEL
 from particles.walls.listing import listed
 from particles.walls.periodic import listed_in_cell
 from particles.walls.servo import set_contact_constants
@@ -26,9 +26,6 @@ WIDEST = 0.3  # widest skin that is chosen here, as a share of the largest radiu
 OUTER, OUTER_WIDEST = 10.0, 0.45  # skin of the outer list, as a multiple of the skin; but not beyond this share of the mean radius
 PRUNING, CALLING = 4.0, 15000.0  # what a pruned list costs, in steps of a pair: for each particle, and whatever their number
 GAPS = {2: 3.0, 3: 7.5}  # pairs for each particle that a skin of a radius would bring, before those of a packing are known
-_ROWS = (
-    "position", "velocity", "acceleration", "force", "lightness", "rotation", "spin", "angular", "torque", "nimbleness",
-)  # fmt: skip
 
 
 _travelled = Direct(neighbours.travelled)
@@ -178,7 +175,7 @@ def _sort(soil: Assembly, width: float, changed: dict[str, Any]) -> np.ndarray:
     system = soil._system
     soil._file_breaks()
     order = neighbours.grid_of(system.position, width, soil.axes, system.cell).order
-    for name in _ROWS:
+    for name in ROWS:
         rows = getattr(system, name)
         if rows is not None:
             changed[name] = aligned(rows.shape)

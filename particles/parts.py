@@ -13,12 +13,9 @@ from particles.assembly import Assembly
 from particles.columns import aligned
 from particles.contacts import SCRATCH
 from particles.neighbours import ROOM
-from particles.system import Breaks
+from particles.system import ROWS, Breaks
 from particles.walls.rows import OWNER
 
-ROWS = (
-    "position", "velocity", "acceleration", "force", "spin", "angular", "torque", "lightness", "rotation", "nimbleness",
-)  # fmt: skip
 _OF_ROWS = ("material", "external", "share")  # more that goes by rows, without the padding
 _OF_IDS = ("_reference", "_radii", "_masses", "_inertias", "_ghost", "_external")
 

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from itertools import count
 from typing import Any, TypeVar
 
-import numpy as np
 from mpi4py import MPI
 
 from particles.assembly import Assembly
@@ -171,6 +170,28 @@ def spread(soil: Assembly) -> Any:
     return soil if _crew is None else SpreadAssembly(soil, _crew)
 
 
+def _of_whole(name: str) -> Any:
+    """Property of an assembly that may be assigned: of the whole, and the ranks get their parts of it anew."""
+
+    def get(face: SpreadAssembly) -> Any:
+        return getattr(face._now(), name)
+
+    def assign(face: SpreadAssembly, values: Any) -> None:
+        face._change(lambda soil: setattr(soil, name, values))
+
+    return property(get, assign, doc=f"See `Assembly.{name}`.")
+
+
+def _summed(name: str) -> Any:
+    """Method of an assembly that its parts answer together, where it would have to be brought together."""
+
+    def ask(face: SpreadAssembly) -> Any:
+        return getattr(face._soil, name)() if face._fresh else face._order(name)
+
+    ask.__doc__ = f"See `Assembly.{name}`."
+    return ask
+
+
 class SpreadAssembly:
     """The face of an `Assembly` whose particles are spread over ranks that follow; used on rank 0."""
 
@@ -239,53 +260,10 @@ class SpreadAssembly:
             checked_gradient(self._soil.cell, velocity_gradient)
             self._act("deform", velocity_gradient)
 
-    def _sum(self, name: str) -> Any:
-        """What an assembly says of itself, from the parts where it would have to be brought together."""
-        return getattr(self._soil, name)() if self._fresh else self._order(name)
-
-    def cell_stress(self) -> np.ndarray:
-        """See `Assembly.cell_stress`."""
-        return self._sum("cell_stress")
-
-    def force_sums(self) -> np.ndarray:
-        """See `Assembly.force_sums`."""
-        return self._sum("force_sums")
-
-    def energies(self) -> dict[str, float]:
-        """See `Assembly.energies`."""
-        return self._sum("energies")
-
-    def energy_balance(self) -> float:
-        """See `Assembly.energy_balance`."""
-        return self._sum("energy_balance")
+    cell_stress, force_sums = _summed("cell_stress"), _summed("force_sums")
+    energies, energy_balance = _summed("energies"), _summed("energy_balance")
+    displacements, velocities, external_forces = _of_whole("displacements"), _of_whole("velocities"), _of_whole("external_forces")
 
     def parallel(self) -> dict[str, Any]:
         """How the work is shared out; see `SharedAssembly.parallel`."""
         return {} if self._shared is None else self._order("parallel")
-
-    @property
-    def displacements(self) -> np.ndarray:
-        """See `Assembly.displacements`."""
-        return self._now().displacements
-
-    @displacements.setter
-    def displacements(self, values: Any) -> None:
-        self._change(lambda soil: setattr(soil, "displacements", values))
-
-    @property
-    def velocities(self) -> np.ndarray:
-        """See `Assembly.velocities`."""
-        return self._now().velocities
-
-    @velocities.setter
-    def velocities(self, values: Any) -> None:
-        self._change(lambda soil: setattr(soil, "velocities", values))
-
-    @property
-    def external_forces(self) -> np.ndarray:
-        """See `Assembly.external_forces`."""
-        return self._now().external_forces
-
-    @external_forces.setter
-    def external_forces(self, values: Any) -> None:
-        self._change(lambda soil: setattr(soil, "external_forces", values))

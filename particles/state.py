@@ -11,6 +11,7 @@ import numpy as np
 
 from particles import holding
 from particles.columns import aligned
+from particles.system import ROWS
 from particles.walls.history import ROW
 from particles.walls.rows import NEAR
 
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 
 State = dict[str, Any]  # arrays, numbers, or states by name
 
-_ROWS = (
-    "position", "velocity", "acceleration", "force", "lightness", "rotation", "spin", "angular", "torque", "nimbleness",
-)  # fmt: skip
 _OF_ROWS = ("material", "external", "share", "listed")  # more that goes by rows, without the padding
 _LIST = ("start", "first", "second", "history")
 _WALL_LIST = ("start", "row", "facet", "image", "history")
@@ -34,7 +32,7 @@ def state_of(soil: Assembly) -> State:
     """Arrays and numbers by name, those of walls and cell in states of their own; they may be views of the assembly's."""
     system = soil._system
     soil._file_breaks()
-    found: State = {name: getattr(system, name) for name in (*_ROWS, *_OF_ROWS, *_LIST, "sums", "clock")}
+    found: State = {name: getattr(system, name) for name in (*ROWS, *_OF_ROWS, *_LIST, "sums", "clock")}
     found |= {name.strip("_"): getattr(soil, name) for name in _OWN}
     found |= {
         "reference": soil._reference, "radii": soil._radii, "skin": soil.skin, "generation": soil.generation,
@@ -55,7 +53,7 @@ def restore(soil: Assembly, state: State) -> None:
     """
     _check_same(soil, state)
     system = soil._system
-    changed: State = {name: _rows(state.get(name)) for name in _ROWS}
+    changed: State = {name: _rows(state.get(name)) for name in ROWS}
     changed |= {name: _own(state.get(name)) for name in (*_OF_ROWS, *_LIST)}
     history = aligned(state["history"].shape)  # as the loops want it
     history[:] = state["history"]

@@ -31,6 +31,11 @@ MERGED_STEPS = {**STEPS, "forceinline": True}
 RADIUS = 3  # column of `System.position`
 MASS = 3  # column of `System.lightness`
 
+# Arrays of rows of four
+ROWS = (
+    "position", "velocity", "acceleration", "force", "lightness", "rotation", "spin", "angular", "torque", "nimbleness",
+)  # fmt: skip
+
 # Entries of `System.sums` (J, power in W)
 (
     FRICTION_SLIDING,

@@ -8,7 +8,7 @@ import click
 import numpy as np
 
 from studies.column import TITLE, Parameters, lube, staron_hinch
-from studies.leading import led, started
+from studies.leading import led, shown, started
 from studies.options import (
     brief,
     checkpoint_option,
@@ -56,10 +56,7 @@ def command(
         from studies.column_run import carry_out
 
         summary = carry_out(p, folder, **options, progress=not quiet, checkpoint_every=checkpoint_every, start=start)
-        if summary["stable"] and not quiet:
-            click.echo(report(summary))
-            click.echo(f"results in {folder}")
-        return summary["message"]
+        return shown(summary, report, folder, quiet)
 
     return led(script)
 

@@ -47,7 +47,23 @@ class Cells:
         return self.body.displacement[:, 0]
 
 
-class Discs:
+class _OfDiscs:
+    """A strip that is an assembly, from its start on."""
+
+    def __init__(self, soil: Assembly) -> None:
+        self.soil, self.places = soil, soil.reference[:, 0]
+        self.critical = soil.critical_step(sharp=True)
+
+    def advance(self, steps: int, step: float) -> None:
+        """Take steps of `step` s."""
+        self.soil.advance(steps, step)
+
+    def moved(self) -> np.ndarray:
+        """Displacements along the strip, m."""
+        return self.soil.displacements[:, 0]
+
+
+class Discs(_OfDiscs):
     """A square lattice, behind it one whose discs have the element size as diameter; or the former alone."""
 
     def __init__(self, p: Parameters, setting: Setting, alone: bool = False) -> None:
@@ -66,20 +82,11 @@ class Discs:
             for pair, k in {(0, 0): p.modulus, (1, 1): p.modulus, (0, 1): joint}.items()
         }
         radii = np.where(kind == 0, p.radius, coarse)
-        self.soil = Assembly(np.concatenate([left, right]), radii, p.density * 4.0 / math.pi, laws, materials=kind)
-        self.soil.bond(TO_COARSE)
-        self.soil.hold(np.arange(self.soil.count), "y")
-        pulsed(p, self.soil, setting.wavelength)
-        self.places = self.soil.reference[:, 0]
-        self.critical = self.soil.critical_step(sharp=True)
-
-    def advance(self, steps: int, step: float) -> None:
-        """Take steps of `step` s."""
-        self.soil.advance(steps, step)
-
-    def moved(self) -> np.ndarray:
-        """Displacements along the strip, m."""
-        return self.soil.displacements[:, 0]
+        soil = Assembly(np.concatenate([left, right]), radii, p.density * 4.0 / math.pi, laws, materials=kind)
+        soil.bond(TO_COARSE)
+        soil.hold(np.arange(soil.count), "y")
+        pulsed(p, soil, setting.wavelength)
+        super().__init__(soil)
 
 
 class Springs:
@@ -110,22 +117,13 @@ class Springs:
         return self.model.particle_motion()[0][:, 0]
 
 
-class Discrete:
+class Discrete(_OfDiscs):
     """The lattice of discs without cells, which the coupled strips are compared with."""
 
     def __init__(self, p: Parameters, setting: Setting) -> None:
-        self.soil = lattice(p, p.length, setting.wavelength)
-        restrain(p, self.soil, p.length + p.radius)
-        self.places = self.soil.reference[:, 0]
-        self.critical = self.soil.critical_step(sharp=True)
-
-    def advance(self, steps: int, step: float) -> None:
-        """Take steps of `step` s."""
-        self.soil.advance(steps, step)
-
-    def moved(self) -> np.ndarray:
-        """Displacements along the strip, m."""
-        return self.soil.displacements[:, 0]
+        soil = lattice(p, p.length, setting.wavelength)
+        restrain(p, soil, p.length + p.radius)
+        super().__init__(soil)
 
 
 PAIRS: dict[str, Any] = {"cells": Cells, "discs": Discs, "springs": Springs}

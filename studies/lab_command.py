@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from studies.lab import Biaxial, Parameters, Shear, Triaxial
-from studies.leading import led, started
+from studies.leading import led, shown, started
 from studies.options import (
     brief,
     checkpoint_option,
@@ -64,10 +64,7 @@ def _command(kind: type[Parameters]) -> click.Command:
             from studies.lab_run import carry_out
 
             done = carry_out(p, folder, **options, progress=not quiet, checkpoint_every=checkpoint_every, start=start)
-            if done.outcome.stable and not quiet:
-                click.echo(report(done.summary))
-                click.echo(f"results in {folder}")
-            return done.outcome.message
+            return shown(done.summary, report, folder, quiet)
 
         return led(script)
 

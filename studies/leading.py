@@ -34,6 +34,14 @@ def led(script: Callable[[], str]) -> int:
     return unstable(message) if message else 0
 
 
+def shown(summary: dict[str, Any], report: Callable[[dict[str, Any]], str], folder: Path, quiet: bool) -> str:
+    """Print what a stable run has found; what made it unstable, or nothing (for `led`)."""
+    if summary["stable"] and not quiet:
+        click.echo(report(summary))
+        click.echo(f"results in {folder}")
+    return str(summary["message"])
+
+
 def started(context: click.Context, folder: str, resume: str | None, study: str, kind: type) -> tuple[Path, Any]:
     """Folder of the results, and where a study goes on that is resumed (None for a new one) (collective).
 

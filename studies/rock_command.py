@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from studies.leading import led, started
+from studies.leading import led, shown, started
 from studies.options import (
     brief,
     checkpoint_option,
@@ -69,10 +69,7 @@ def _command(kind: type[Parameters]) -> click.Command:
             from studies.rock_run import carry_out
 
             summary = carry_out(p, folder, **options, progress=not quiet, checkpoint_every=checkpoint_every, start=start)
-            if summary["stable"] and not quiet:
-                click.echo(report(summary))
-                click.echo(f"results in {folder}")
-            return summary["message"]
+            return shown(summary, report, folder, quiet)
 
         return led(script)
 

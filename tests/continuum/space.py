@@ -1,6 +1,7 @@
 """Bodies of tetrahedra and hexahedra that the tests in space share."""
 
 import numpy as np
+import pytest
 from scipy.sparse.linalg import spsolve
 
 from continuum import Body, Cauchy, Cosserat
@@ -43,3 +44,16 @@ def solve(body, prescribed):
     force = body.external_force().ravel() - stiffness @ moved
     moved[~fixed] = spsolve(stiffness[~fixed][:, ~fixed], force[~fixed])
     body.displacement[:] = moved.reshape(body.mass.shape)
+
+
+every_damping = pytest.mark.parametrize("damping", [{}, {"mass_damping": 3000.0}, {"local_damping": 0.4}])
+
+
+def check_energy_account(body, damping):
+    """A body with everything that does work: what damping takes counts, and the balance closes to rounding."""
+    body.advance(200, 0.7 * body.critical_step("power"), **damping)
+    energies = body.energies()
+    for name in damping:
+        assert energies[name] > 0.01 * abs(energies["external_work"])
+    assert energies["strain"] > 0 and energies["kinetic"] > 0
+    assert abs(energies["balance"]) < 1e-12 * abs(energies["external_work"])

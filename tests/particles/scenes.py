@@ -1,8 +1,11 @@
 """Small scenes that several tests of the particles share."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from particles import Assembly, LiChu, PeriodicCell
+from particles.laws import Bonded
 
 PAPER = LiChu(
     normal_stiffness=2.5e8, sliding_stiffness=5e7, rolling_stiffness=1e6, moment_stiffness=7e2,
@@ -15,6 +18,9 @@ ALL = LiChu(
     normal_damping=4e3, sliding_damping=2e3, rolling_damping=1e3, moment_damping=1.0,
     sliding_friction=0.5, rolling_friction=0.05, moment_friction=0.5e-3,
 )  # fmt: skip
+WEAK = 1e-12  # a dashpot that takes no energy, N s/m
+BONDED = Bonded(1e7, 5e6, 1e9, 1e9, friction=0.5, normal_damping=500.0, shear_damping=300.0)
+BEAM = replace(BONDED, bending_stiffness=3e3, torsion_stiffness=2e3, bending_strength=1e9, torsion_strength=1e9)
 
 
 def square_lattice(columns, lines, radius=0.05):
@@ -57,3 +63,11 @@ def stacked():
     soil = Assembly(grid, rng.uniform(0.0492, 0.0505, 125), law=ALL, cell=PeriodicCell([5 * 0.0998] * 3))
     soil.velocities = rng.normal(size=(125, 6)) * [0.2, 0.2, 0.2, 5.0, 5.0, 5.0]
     return soil
+
+
+def trial(soil, increment):
+    """Forces (n, freedoms) in id order after a step by `increment` that ends at rest (dashpots without effect)."""
+    rows = soil.rows
+    by_row = np.empty_like(increment)
+    by_row[rows] = increment
+    return soil.trial_forces(by_row, np.zeros_like(increment))[rows]
