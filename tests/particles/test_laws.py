@@ -19,7 +19,7 @@ from particles.laws.touch import Channel, carried, limited
 from particles.network import contacts, evaluate, stored
 from particles.vectors import scaled
 from tests.particles import naive
-from tests.particles.scenes import BEAM, BONDED, hexagonal_lattice, trial
+from tests.particles.scenes import BEAM, BONDED, WEAK, hexagonal_lattice, trial
 
 ENDLESS = 1e6  # a friction coefficient that no contact reaches
 
@@ -320,6 +320,26 @@ def test_spheres_move_as_in_a_plain_double_loop():
     np.testing.assert_allclose(soil.positions, places, atol=1e-15)
     np.testing.assert_allclose(soil.velocities, velocities, atol=1e-10)
     assert np.abs(velocities - start[3]).max() > 1.0
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_a_contact_that_opens_loses_what_its_springs_held(axes):
+    """Sheared while it sticks, then torn apart in one step: the loss is the work of the mean force of the springs."""
+    along, across = np.eye(axes)[:2]
+    soil = Assembly(np.outer([0.0, 0.0999], along), 0.05, 2600.0, linear_sliding(1e7, 5e6, ENDLESS, WEAK, WEAK))
+    step = 1e-6
+    velocities = np.zeros((2, soil.freedoms))
+    velocities[:, :axes] = np.outer([-0.5, 0.5], across)
+    soil.velocities = velocities
+    soil.advance(20, step)
+    held = soil.energies()["elastic_sliding"]
+    assert held == pytest.approx(0.5 * 5e6 * (20 * step) ** 2, rel=0.02)  # springs slow the discs down a little
+    velocities[:, :axes] = np.outer([-0.5, 0.5], along) * 4e-4 / step
+    soil.velocities = velocities
+    soil.advance(1, step)
+    assert soil.energies()["elastic_sliding"] == 0.0
+    # the line of centres leans by u / d: parting by 4e-4 m at a mean distance of 0.1001 m takes back as much of the sliding u
+    assert soil.energies()["contact_loss"] == pytest.approx(held * (1.0 - 4e-4 / 0.1001), rel=1e-4)
 
 
 # ---------------------------------------------------------------------------------------- closed forms: Hertz and Mindlin
