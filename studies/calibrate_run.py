@@ -50,7 +50,6 @@ class Laboratory:
     watch: Stopwatch
     samples: int = 600
     progress: bool = True
-    radius: float = 0.0  # root mean square radius of the last specimen, m
 
     def measure(self, micro: Micro, seeds: Iterable[int], phase: int) -> tuple[np.ndarray, np.ndarray]:
         """Responses y (packings, 3 or 4) and radii (packings,) of runs.
@@ -82,20 +81,31 @@ class Laboratory:
 
 
 def tabulated(laboratory: Laboratory, seeds: range) -> Relations:
-    """The relations from runs over the grid, with stiffness and strength about those that the target will need."""
+    """The relations from runs over the grid, with stiffness and strength about those that the target will need.
+
+    The ends of the grid come first: they tell whether the Poisson ratio can be reached.
+    """
     target, specimen = laboratory.target, laboratory.specimen
     scale = math.sqrt(specimen.smallest_radius * specimen.largest_radius)
-    values: list[list[np.ndarray]] = []
-    found = np.zeros(0)
-    for ratio in target.stiffness_grid:
-        values.append([])
+    radius = 0.0
+
+    def row(ratio: float) -> list[np.ndarray]:
+        nonlocal radius
+        found = []
         for strength in target.strength_grid:
             micro = Micro(target.young_modulus, ratio, target.compressive_strength * scale, strength)
-            y, found = laboratory.measure(micro, seeds, 0)
+            y, radii = laboratory.measure(micro, seeds, 0)
             y[:, 0] -= math.log(micro.normal_stiffness)
-            y[:, 2:] += np.log(found / micro.bond_strength)[:, None]
-            values[-1].append(y)
-    return Relations(target.stiffness_grid, target.strength_grid, np.array(values), float(found.mean()))
+            y[:, 2:] += np.log(radii / micro.bond_strength)[:, None]
+            found.append(y)
+            radius = float(radii.mean())
+        return found
+
+    lowest, *middle, highest = target.stiffness_grid
+    ends = [row(lowest), row(highest)]
+    Relations((lowest, highest), target.strength_grid, np.array(ends), radius).check_poisson_ratio(target.poisson_ratio)
+    values = np.array([ends[0], *map(row, middle), ends[1]])
+    return Relations(target.stiffness_grid, target.strength_grid, values, radius)
 
 
 def carry_out(

@@ -88,20 +88,24 @@ class Relations:
         count = self.values.shape[-1]
         return low[:count], high[:count]
 
+    def check_poisson_ratio(self, wanted: float) -> None:
+        """Raises ValueError for a Poisson ratio that the grid does not reach; two stiffness ratios are enough, as it falls with them."""
+        reached = self.values[..., 1].mean(axis=(1, 2))
+        low, high = reached.min(), reached.max()
+        span = f"{self.stiffness_ratios[0]:g} to {self.stiffness_ratios[-1]:g}"
+        if not low <= wanted <= high:
+            raise ValueError(
+                f"poisson_ratio={wanted:g} must be between {low:.3f} and {high:.3f}, which stiffness ratios from {span} give; "
+                "extend --stiffness-ratios"
+            )
+
     def inverse(self, target: np.ndarray) -> np.ndarray:
         """Unknowns x whose responses are the target y.
 
         Raises:
             ValueError: a Poisson ratio or ratio of strengths that the grid does not reach.
         """
-        nodes = self.values.mean(axis=2)
-        low, high = nodes[..., 1].mean(axis=1).min(), nodes[..., 1].mean(axis=1).max()
-        span = f"{self.stiffness_ratios[0]:g} to {self.stiffness_ratios[-1]:g}"
-        if not low <= target[1] <= high:
-            raise ValueError(
-                f"poisson_ratio={target[1]:g} must be between {low:.3f} and {high:.3f}, which stiffness ratios from {span} give; "
-                "extend --stiffness-ratios"
-            )
+        self.check_poisson_ratio(target[1])
         bounds = self.bounds()
         middle = np.log(math.sqrt(self.stiffness_ratios[0] * self.stiffness_ratios[-1]))
         start = np.array([target[0], middle, target[2] + math.log(self.radius), 0.0])[: len(target)]

@@ -91,6 +91,27 @@ def test_targets_out_of_reach_are_named_with_what_can_be_reached():
         relations((0.5, 1.0, 2.0), 4).inverse(apart)
 
 
+def test_a_poisson_ratio_out_of_reach_is_refused_after_the_ends_of_the_grid():
+    """Two of four stiffness ratios are run before the sentence."""
+
+    class Lattice(calibrate_run.Laboratory):
+        def measure(self, micro, seeds, phase):
+            seen.append(micro.stiffness_ratio)
+            return np.array([hexagonal(micro)[:3] for _ in seeds]), np.full(len(seeds), RADIUS)
+
+    seen = []
+    for wanted, runs in ((0.6, [0.1, 0.8]), (0.2, [0.1, 0.8, 0.2, 0.4])):
+        seen.clear()
+        laboratory = Lattice(Targets(poisson_ratio=wanted), SMALL, lambda row: None, Stopwatch())
+        if wanted > 0.5:
+            with pytest.raises(ValueError, match="poisson_ratio=0.6 must be between 0.053 and 0.290"):
+                calibrate_run.tabulated(laboratory, range(1, 3))
+        else:
+            table = calibrate_run.tabulated(laboratory, range(1, 3))
+            assert table.values[:, 0, 0, 1] == pytest.approx([(1.0 - a) / (3.0 + a) for a in RATIOS])
+        assert seen == runs
+
+
 def test_tests_have_the_micro_parameters_and_the_specimen():
     target = Targets(tensile_strength=1e7, strength_ratios="1,2")
     micro = Micro(2e10, 0.25, 4e4, 1.5)
