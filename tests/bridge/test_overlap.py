@@ -50,6 +50,18 @@ def test_uniform_compression_of_the_square_lattice_passes():
     assert nodes < 1e-12 and particles < 1e-12
 
 
+@pytest.mark.parametrize("n", [8, 16])
+def test_shear_of_the_square_lattice_leaves_the_moment_of_its_kinks(n):
+    """Discs on a face have unlike shares on both sides, so a moment: 1/2n^2 of the traction by half the curl, n spacings in the zone.
+
+    A free rotation takes it itself: the nodes are in balance, the disc's moment is t s^2 / 2n for a traction t on cells of n/4 spacings s.
+    """
+    nodes, discs = residual("square", "shear", radius=1.0 / n, rotation="curl")
+    assert nodes == pytest.approx(0.5 / n**2, rel=1e-6) and discs < 1e-12
+    nodes, discs = residual("square", "shear", radius=1.0 / n, rotation="free")
+    assert nodes < 1e-12 and discs == pytest.approx(2.0 / n**3, rel=1e-6)
+
+
 @pytest.mark.parametrize("strain", STRAINS)
 def test_bonds_across_elements_disturb_uniform_strain_little(strain):
     """A lattice anywhere, 25 spacings in the zone: below 2e-3 on the nodes; particles that are free are in balance."""
