@@ -18,7 +18,7 @@ from scipy.stats import ttest_ind
 from bridge import output
 from bridge.run import Stopwatch
 from particles import Unstable
-from particles.spread import ranks
+from particles.crew import ranks
 from studies.calibrate import MICRO, Targets, rock_test
 from studies.calibration import Calibrated, Micro, Relations, refine
 from studies.rock import Compression

@@ -14,7 +14,8 @@ from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch
-from particles.spread import parallel, ranks
+from particles.crew import ranks
+from particles.spread import parallel
 from studies.column import Parameters, lube, staron_hinch
 from studies.column_model import Column
 from studies.resuming import Runs, Start

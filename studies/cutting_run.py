@@ -16,7 +16,8 @@ from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch
-from particles.spread import parallel, ranks
+from particles.crew import ranks
+from particles.spread import parallel
 from studies import cutting as scene
 from studies.cracks import cracks
 from studies.cutting import Parameters

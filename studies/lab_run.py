@@ -14,7 +14,8 @@ from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch
-from particles.spread import parallel, ranks
+from particles.crew import ranks
+from particles.spread import parallel
 from studies.lab import Parameters
 from studies.lab_model import ElementTest, fitted_moduli
 from studies.resuming import Runs, Start

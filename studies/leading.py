@@ -22,8 +22,8 @@ def led(script: Callable[[], str]) -> int:
 
     from bridge.checkpoint import Interrupted
     from particles import Unstable
+    from particles.crew import lead
     from particles.driving import NotSettled
-    from particles.spread import lead
 
     try:
         message = lead(script)

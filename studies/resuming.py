@@ -1,6 +1,6 @@
 """How a study goes on that was stopped: its runs, one after the other, in one checkpoint with all that they need.
 
-For studies that one rank leads (`particles.spread`); a study whose ranks go side by side has more to say about who keeps what
+For studies that one rank leads (`particles.crew`); a study whose ranks go side by side has more to say about who keeps what
 (`studies.foundation_resume`), but writes and reads its checkpoint in the same way.
 """
 

@@ -15,7 +15,8 @@ from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
-from particles.spread import parallel, ranks
+from particles.crew import ranks
+from particles.spread import parallel
 from studies.cracks import cracks, fragments
 from studies.resuming import Runs, Start
 from studies.rock import Parameters

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from particles.lattice.general import bond_energy, elongation_of, set_cluster, shear_of, strain_special
@@ -90,26 +91,46 @@ def _near_failure(state, terms, limits, first, count):
 
 
 @njit(**OUTER)
-def break_bonds(state, terms, limits):
-    """Break all bonds that fail now, each asked at the end that it leaves in an even direction; whether there were any."""
-    broken = False
-    if limits is None:
-        return broken
+def failing(state, terms, limits, moving):
+    """Bonds (k, 2) that fail now, as row and direction, each asked at the end that it leaves in an even direction.
+
+    Args:
+        moving: None, or the rows (n,) uint8 that are asked, others are not.
+    """
+    found, room = 0, np.empty((16, 2), dtype=np.int64)
     for q in range(state.counts[FORCE_RUNS]):
-        first = state.force_runs[q, 0]
-        if terms.plane is None and not _near_failure(state, terms, limits, first, state.force_runs[q, 1]):
+        first, count = state.force_runs[q, 0], state.force_runs[q, 1]
+        if terms.plane is None and not _near_failure(state, terms, limits, first, count):
             continue
-        for i in range(first, first + state.force_runs[q, 1]):
-            for k in range(0, state.near.shape[1], 2):
-                if fails(state, terms, limits, i, k):
-                    sever(state, terms, i, k)
-                    broken = True
+        for i in range(first, first + count):
+            found, room = _failing_at(state, terms, limits, moving, i, found, room)
     for q in range(state.counts[FORCE_SPECIAL]):
-        i = state.force_special[q]
-        for k in range(0, state.near.shape[1], 2):
-            if fails(state, terms, limits, i, k):
-                sever(state, terms, i, k)
-                broken = True
-    if broken:
+        found, room = _failing_at(state, terms, limits, moving, state.force_special[q], found, room)
+    return room[:found]
+
+
+@njit(**OUTER)
+def _failing_at(state, terms, limits, moving, i, found, room):
+    """Add the failing bonds of one row to `room`, which is doubled where it is full."""
+    if moving is not None and not moving[i]:
+        return found, room
+    for k in range(0, state.near.shape[1], 2):
+        if fails(state, terms, limits, i, k):
+            if found == len(room):
+                room = np.concatenate((room, np.empty_like(room)))
+            room[found, 0], room[found, 1] = i, k
+            found += 1
+    return found, room
+
+
+@njit(**OUTER)
+def break_bonds(state, terms, limits):
+    """Break all bonds that fail at the strains of now; whether there were any."""
+    if limits is None:
+        return False
+    broken = failing(state, terms, limits, None)
+    for b in range(len(broken)):
+        sever(state, terms, broken[b, 0], broken[b, 1])
+    if len(broken):
         list_rows(state)
-    return broken
+    return len(broken) > 0

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from particles.dispatch import Direct
-from particles.lattice import general, geometry, lists, motion
+from particles.lattice import geometry, motion
+from particles.lattice.arrangement import arrange, needed
 from particles.lattice.driving import Driving, History, Where, face_area, lysmer, rows_of
 from particles.lattice.material import LatticeMaterial
 from particles.lattice.state import (
@@ -18,11 +19,8 @@ from particles.lattice.state import (
     BROKEN,
     BROKEN_BONDS,
     DAMPING,
-    EXPLICIT,
     EXTERNAL,
     HELD,
-    JOINED,
-    SPECIAL,
     SUMS,
     State,
     Terms,
@@ -32,7 +30,6 @@ from particles.motion import Unstable
 _advance, _evaluate = Direct(motion.advance), Direct(motion.evaluate)
 _elastic, _fastest = Direct(motion.elastic), Direct(motion.fastest)
 ahead = Direct(motion.ahead)
-_list_rows, _set_clusters = Direct(lists.list_rows), Direct(general.set_clusters)
 CHUNK = 50  # steps between two looks for blow-up
 SAFETY = 0.8  # of the critical step, which local damping makes shorter: forces against the motion are 1 + alpha times larger
 
@@ -153,33 +150,14 @@ class Lattice:
             carried: (n,) bool, none of them free.
             rows: those whose bonds may differ from before, all by default.
         """
-        state = self._state
-        rows = np.arange(self.count) if rows is None else rows
-        near = state.near[rows]
-        there, own_free, own_carried = near >= 0, free[rows, None], carried[rows, None]
-        other_free, other_known = there & free[near], there & (free | carried)[near]
-        explicit = (own_free & other_known) | (own_carried & other_free)
-        acting = explicit.any(axis=1) | free[rows]
-        broken = state.bonds[rows] & BROKEN
-        flags = np.where(there & (broken == 0), JOINED, 0) | np.where(explicit, EXPLICIT, 0) | broken
-        state.bonds[rows] = np.where(acting[:, None], flags, 0)
-        for kind, flag in ((state.strain_kind, JOINED), (state.force_kind, JOINED | EXPLICIT)):
-            found = lists.kinds(rows, state.near, state.bonds, state.material, flag)
-            kind[rows] = np.where(acting, found if state.moment is None and state.rotation is None else SPECIAL, 0)
-        state.moving[rows] = free[rows]
-        _set_clusters(state, self._terms, rows)
-        _list_rows(state)
+        arrange(self._state, self._terms, free, carried, np.arange(self.count) if rows is None else rows)
         self.free, self.carried = free, carried
         self._ready = False
 
     @property
     def needed(self) -> np.ndarray:
         """Rows (n,) bool whose displacement forces depend on, without being free: carried rows with bonds, and their neighbours."""
-        state = self._state
-        found = (state.force_kind > 0) & ~self.free
-        near = state.near[found]
-        found[near[near >= 0]] = True
-        return found & ~self.free
+        return needed(self._state, self.free)
 
     @property
     def displacement(self) -> np.ndarray:

@@ -5,8 +5,9 @@ import pytest
 from mpi4py import MPI
 
 from particles import Unstable
+from particles.crew import lead, ranks
 from particles.driving import settle, unbalanced
-from particles.spread import lead, ranks, restore, spread
+from particles.spread import restore, spread
 from particles.state import state_of
 from tests.parallel.test_migration import collapse, spheres_that_go_round
 from tests.particles.test_state import discs_among_walls
