@@ -54,7 +54,7 @@ def sever(state, terms, i, k):
 @njit(**OUTER)
 def _cut(state, terms, i, k):
     """Take a bond out of the cluster of a row."""
-    state.bonds[i, k] = EXPLICIT | BROKEN
+    state.bonds[i, k] = state.bonds[i, k] & EXPLICIT | BROKEN
     state.strain_kind[i] = SPECIAL
     state.force_kind[i] = SPECIAL
     set_cluster(state, terms, i)
@@ -134,3 +134,45 @@ def break_bonds(state, terms, limits):
     if len(broken):
         list_rows(state)
     return len(broken) > 0
+
+
+@njit(**OUTER)
+def cut_all(state, terms, broken):
+    """Take bonds (k, 2), row and direction, out of the clusters of their ends, where these have forces here."""
+    for b in range(len(broken)):
+        i, k = broken[b, 0], broken[b, 1]
+        j = state.near[i, k]
+        if state.force_kind[i]:
+            _cut(state, terms, i, k)
+        if state.force_kind[j]:
+            _cut(state, terms, j, k ^ 1)
+    list_rows(state)
+
+
+@njit(**OUTER)
+def break_all(state, terms, broken, ends, around, counted):
+    """Break bonds together; returns the energy that is lost by them and by the strains that change with them (J).
+
+    Args:
+        broken: (k, 2) row and direction.
+        ends: rows that they end at, each once.
+        around: those and their neighbours, each once.
+        counted: (n,) uint8, rows whose bonds in even directions count here.
+    """
+    before = _counted(state, terms, around, counted)
+    cut_all(state, terms, broken)
+    for i in ends:
+        if state.strain_kind[i]:
+            strain_special(state, terms, state.rotation, i)
+    return before - _counted(state, terms, around, counted)
+
+
+@njit(**KERNEL)
+def _counted(state, terms, rows, counted):
+    """Energy of the bonds that some rows leave in even directions, of those rows that count."""
+    total = 0.0
+    for i in rows:
+        if counted[i] and state.force_kind[i]:
+            for k in range(0, state.near.shape[1], 2):
+                total += bond_energy(state, terms, i, k)
+    return total

@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from particles.crew import Crew, crew
 from particles.dispatch import Direct
 from particles.lattice import geometry, motion
 from particles.lattice.arrangement import arrange, needed
 from particles.lattice.driving import Driving, History, Where, face_area, lysmer, rows_of
 from particles.lattice.material import LatticeMaterial
+from particles.lattice.part import Part, Parts
 from particles.lattice.state import (
     ABSORBED,
     BREAKING,
@@ -22,6 +24,7 @@ from particles.lattice.state import (
     EXTERNAL,
     HELD,
     SUMS,
+    Drive,
     State,
     Terms,
 )  # fmt: skip
@@ -93,6 +96,7 @@ class Lattice:
         self.refresh(np.ones(self.count, dtype=bool), np.zeros(self.count, dtype=bool))
         self._ready = False
         self._base = 0.0
+        self._parts: Parts | None = None
 
     # construction
 
@@ -277,10 +281,28 @@ class Lattice:
         self.prepare()
         while steps > 0:
             now = min(steps, CHUNK)
-            _advance(self._state, self._terms, self.driving.drive(self.time, self.step, now), now, self.step)
+            self._steps(self.driving.drive(self.time, self.step, now), now)
             self.time += now * self.step
             steps -= now
             self.check()
+
+    def _steps(self, drive: Drive, steps: int) -> None:
+        """Steps by all ranks, where some follow."""
+        following = self.following()
+        if following is None:
+            _advance(self._state, self._terms, drive, steps, self.step)
+            return
+        if self._parts is None:
+            self._parts = Parts(following, Part, self)
+        self._parts.advance(drive, steps, self.step)
+
+    def following(self) -> Crew | None:
+        """Ranks that help with the steps, if any: the variational force is for one rank, as it reaches a neighbour farther."""
+        return crew() if self._state.moment is None else None
+
+    def parallel(self) -> dict[str, Any]:
+        """How the work is shared out among ranks; nothing on one rank."""
+        return {} if self._parts is None else self._parts.parallel()
 
     def check(self, step: float | None = None) -> None:
         """Raise Unstable where the lattice has blown up, with steps (s) of its own by default."""
@@ -296,6 +318,7 @@ class Lattice:
         """Forces for the state of now, where something has changed since the last step; energies count from there."""
         if self._ready:
             return
+        self._parts = None
         self.driving.arrange(self.free)
         before = None if self.time == 0.0 else self._account()[1]
         drive = self.driving.drive(self.time - self.step, self.step, 1)

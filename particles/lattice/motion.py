@@ -172,6 +172,25 @@ def evaluate(state, terms, drive, s, h, booked):
     act(state, terms.damping, drive, s, h, booked)
 
 
+@njit(**STEPS)
+def kick_points(points, by, drift):
+    """`kick`, from Python."""
+    kick(points, by, drift)
+
+
+@njit(**STEPS)
+def feel(state, terms):
+    """Strains and forces of the bonds at the displacements of now; none break."""
+    strains(state, terms, terms.plane)
+    bond_forces(state, terms, state.moment, terms.plane)
+
+
+@njit(**STEPS)
+def act_on(points, terms, drive, s, h):
+    """`act`, booked, from Python."""
+    act(points, terms.damping, drive, s, h, 1.0)
+
+
 @njit(**OUTER)
 def advance(state, terms, drive, steps, h):
     """Whole steps, from and to a state with displacements, velocities and forces of one time."""

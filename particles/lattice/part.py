@@ -1,0 +1,195 @@
+"""A rank's part of a lattice: the rows of a slab, which it moves, and the rows of others that these feel.
+
+Every rank knows the whole lattice, its bonds and which of them are broken; only displacements near the cuts pass between ranks in
+a step. Rows of other ranks are carried rows here (see `particles.lattice.arrangement`): their neighbours are known, so that
+their strains are those that their own rank has. Bonds that fail are announced, and all ranks break them.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from particles.crew import Crew
+from particles.dispatch import Direct
+from particles.lattice import breaking, motion
+from particles.lattice.arrangement import arrange, needed
+from particles.lattice.state import BREAKING, BROKEN_BONDS, SPECIAL, SUMS, Drive, State, Terms
+
+IRREGULAR = 8  # work of a row in no run, in rows of one
+MOTION = ("displacement", "velocity", "force")
+SECONDS = ("stepping", "exchange", "agreement")
+_kick, _feel, _act = Direct(motion.kick_points), Direct(motion.feel), Direct(motion.act_on)
+_failing, _break_all = Direct(breaking.failing), Direct(breaking.break_all)
+cut_all = Direct(breaking.cut_all)
+
+
+def slabs(state: State, free: np.ndarray, ranks: int) -> np.ndarray:
+    """First row of each rank's slab, and the number of rows (ranks + 1,): slabs with equal work of free rows."""
+    work = np.concatenate(([0], np.cumsum(free * np.where(state.force_kind == SPECIAL, IRREGULAR, 1))))
+    wanted = work[-1] * np.arange(1, ranks) / ranks
+    return np.concatenate(([0], np.searchsorted(work, wanted), [len(free)])).astype(np.int64)
+
+
+class Part:
+    """The part of one rank (collective).
+
+    Args:
+        comm: the ranks.
+        state, terms: of the whole lattice, as rank 0 has them.
+        free, carried: (n,) bool, see `particles.lattice.arrangement`.
+    """
+
+    def __init__(self, comm: Any, state: State, terms: Terms, free: np.ndarray, carried: np.ndarray) -> None:
+        self.comm, self.terms = comm, terms
+        self.bounds = slabs(state, free, comm.size)
+        self.first, self.last = self.bounds[comm.rank : comm.rank + 2]
+        inside = np.zeros(len(free), dtype=bool)
+        inside[self.first : self.last] = True
+        self.own, self._others = free & inside, free & ~inside
+        self.state: State = State._make(None if values is None else values.copy() for values in state)
+        self.state.force[:, ~self.own] = 0.0
+        self.state.sums[:] = 0.0
+        arrange(self.state, terms, self.own, carried | self._others, np.arange(len(free)))
+        self.needed = needed(self.state, self.own)
+        self._asked = np.ascontiguousarray(~self._others).view(np.uint8)  # rows whose bonds this rank counts, where they have a force here
+        self._meet(np.flatnonzero(self.needed & self._others))
+        self.seconds = dict.fromkeys(SECONDS, 0.0)
+        self._drive: tuple[Drive, Drive] | None = None
+
+    def release(self) -> None:
+        """Give the messages back."""
+        for request in self._requests:
+            request.Free()
+
+    def _meet(self, wanted: np.ndarray) -> None:
+        """Learn which rows go to whom in each step.
+
+        Args:
+            wanted: rows of other ranks, ascending, whose displacements are needed here.
+        """
+        comm = self.comm
+        ends = np.searchsorted(wanted, self.bounds)
+        from_each = [wanted[a:b] for a, b in zip(ends, ends[1:])]
+        to_each = comm.alltoall(from_each)
+        self._from = [(rank, rows, np.empty((3, len(rows)))) for rank, rows in enumerate(from_each) if len(rows)]
+        self._to = [(rank, rows, np.empty((3, len(rows)))) for rank, rows in enumerate(to_each) if len(rows)]
+        self._requests = [comm.Recv_init(room, source=rank) for rank, _, room in self._from]
+        self._requests += [comm.Send_init(room, dest=rank) for rank, _, room in self._to]
+
+    def exchange(self) -> None:
+        """Displacements of the rows near the cuts, from the ranks that move them (collective)."""
+        start = time.perf_counter()
+        moved = self.state.displacement
+        for _, rows, room in self._to:
+            room[:] = moved[:, rows]
+        for request in self._requests:
+            request.Start()
+        for request in self._requests:
+            request.Wait()
+        for _, rows, room in self._from:
+            moved[:, rows] = room
+        self.seconds["exchange"] += time.perf_counter() - start
+
+    def mine(self, drive: Drive) -> Drive:
+        """What acts on the rows of this rank."""
+        if self._drive is None or self._drive[0].loaded is not drive.loaded:
+            loaded, held, absorbing = (self.own[rows] for rows in (drive.loaded, drive.held, drive.absorbing))
+            self._drive = drive, drive._replace(
+                loaded=drive.loaded[loaded], load=drive.load[loaded], load_group=drive.load_group[loaded], held=drive.held[held],
+                held_axis=drive.held_axis[held], held_group=drive.held_group[held], absorbing=drive.absorbing[absorbing],
+                dashpot=drive.dashpot[absorbing],
+            )  # fmt: skip
+        return self._drive[1]._replace(load_factor=drive.load_factor, held_velocity=drive.held_velocity)
+
+    # steps
+
+    def advance(self, drive: Drive, steps: int, h: float) -> Any:
+        """Whole steps, from and to displacements, velocities and forces of one time (collective); see `collect`."""
+        start, drive = time.perf_counter(), self.mine(drive)
+        state, broken = self.state, [np.empty((0, 2), dtype=np.int64)]
+        _kick(state, 0.5 * h, h)
+        for s in range(steps):
+            self.exchange()
+            broken += self.feel(h)
+            _act(state, self.terms, drive, s, h)
+            _kick(state, *((h, h) if s < steps - 1 else (0.5 * h, 0.0)))
+        self.seconds["stepping"] += time.perf_counter() - start
+        return self.collect(broken)
+
+    def feel(self, h: float) -> list[np.ndarray]:
+        """Forces of the bonds at the displacements of now; the bonds (k, 2) that break in it, if there are any."""
+        state, terms = self.state, self.terms
+        _feel(state, terms)
+        if terms.limits is None:
+            return []
+        found = _failing(state, terms, terms.limits, self._asked)
+        start = time.perf_counter()
+        total = self.comm.allreduce(len(found))
+        self.seconds["agreement"] += time.perf_counter() - start
+        if total == 0:
+            return []
+        broken = np.concatenate(self.comm.allgather(found))
+        broken = np.ascontiguousarray(broken[np.lexsort(broken.T[::-1])])
+        ends = np.unique(np.concatenate((broken[:, 0], state.near[broken[:, 0], broken[:, 1]])))
+        around = np.unique(np.concatenate((ends, state.near[ends].ravel())))
+        before = state.force.copy()
+        state.sums[BREAKING] += _break_all(state, terms, broken, ends, around[around >= 0], self._asked)
+        state.sums[BROKEN_BONDS] += len(found)
+        _feel(state, terms)
+        change = (before - state.force) * ~self._others
+        state.sums[BREAKING] += 0.5 * h * float((state.velocity * change).sum())
+        return [broken]
+
+    def collect(self, broken: list[np.ndarray]) -> Any:
+        """What rank 0 takes over: motion (9, n), energy sums and the bonds that broke (collective)."""
+        comm, state = self.comm, self.state
+        own = np.concatenate([getattr(state, name)[:, self.first : self.last] for name in MOTION])
+        parts, sums = comm.gather(own), comm.reduce(state.sums)
+        state.sums[:] = 0.0
+        return (np.concatenate(parts, axis=1), sums, np.concatenate(broken)) if comm.rank == 0 else None
+
+    def parallel(self) -> dict[str, Any]:
+        """Rows and seconds of every rank, and how much longer than the mean the busiest computes (collective)."""
+        seconds = self.seconds | {"stepping": self.seconds["stepping"] - self.seconds["exchange"] - self.seconds["agreement"]}
+        halo = sum(len(rows) for _, rows, _ in self._from)
+        found = self.comm.gather({"particles": int(self.own.sum()), "halo": halo, "seconds": seconds})
+        if found is None:
+            return {}
+        busy = [one["seconds"]["stepping"] for one in found]
+        return {"ranks": found, "imbalance": max(busy) / max(1e-300, sum(busy) / len(busy)) - 1.0}
+
+
+class Parts:
+    """The parts of a lattice on all ranks, as rank 0 sees them.
+
+    Args:
+        crew: the ranks.
+        kind: `Part`, or what is made of it.
+        whole: lattice whose state the parts start from.
+        more: further arguments of `kind`.
+    """
+
+    def __init__(self, crew: Crew, kind: type[Part], whole: Any, *more: Any) -> None:
+        self._crew, self._number, self._whole = crew, crew.new(), whole
+        crew.place(self._number, kind, whole._state, whole._terms, whole.free, whole.carried, *more)
+
+    def __del__(self) -> None:
+        self._crew.forget(self._number)
+
+    def advance(self, *arguments: Any) -> Any:
+        """Let all ranks go on; the lattice has what they found."""
+        moved, sums, broken, *more = self._crew.order(self._number, "advance", *arguments)
+        state = self._whole._state
+        for k, name in enumerate(MOTION):
+            getattr(state, name)[:] = moved[3 * k : 3 * k + 3]
+        state.sums[:] += sums[:SUMS]
+        if len(broken):
+            cut_all(state, self._whole._terms, broken)
+        return more
+
+    def parallel(self) -> dict[str, Any]:
+        """See `Part.parallel`."""
+        return self._crew.order(self._number, "parallel")
