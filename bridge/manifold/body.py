@@ -13,18 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from bridge.manifold import steps
+from bridge.manifold import changes, steps
 from bridge.manifold.grid import Grid
-from bridge.manifold.template import Template
+from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
+from bridge.manifold.stiffness import Stiffness
 from continuum import bricks
 from particles.dispatch import Direct
 from particles.lattice import Lattice
 from particles.lattice.driving import Driving, History, Where, rows_of
-from particles.lattice.geometry import directions, vectors
 from particles.lattice.lattice import ahead
 from particles.lattice.state import ABSORBED, BREAKING, BROKEN_BONDS, DAMPING, EXTERNAL, HELD, MOVING_RUNS, SUMS
 
-CONTINUUM, MANIFOLD, PARTICLES = 0, 1, 2  # values of `Manifold.kind`
 SAFETY = 0.8
 CHUNK = 50  # steps between two looks for blow-up
 Criterion = Callable[[np.ndarray], np.ndarray]
@@ -87,7 +86,6 @@ class Manifold:
         self.lattice, self.layers, self.criterion, self.check_every = lattice, layers, release, check_every
         self.grid = Grid(lattice.places, np.zeros(3, dtype=np.int64), count, lattice.periodic)
         self.size = count * lattice.spacing
-        self._template = Template(self.grid, vectors(3, lattice.spacing), directions(3), lattice.spacing)
         zero = lattice.reference[0] - lattice.places[0] * lattice.spacing  # of place (0, 0, 0)
         corner = zero - 0.5 * lattice.spacing + self.grid.lower * self.size
         self.node_reference = corner + self.grid.node_places * self.size
@@ -96,10 +94,7 @@ class Manifold:
         self._shape = bricks.shape_functions((slots + 0.5) / count)
         self._at_centre = bricks.strain_matrix(np.full((1, 3), 0.5), self.size)[0]
         self.kind = self._first_kinds(free, manifold, cut, continuum)
-        self._kinds: dict[bytes, int] = {}
-        self._matrices: list[np.ndarray] = []
-        self._stiffest = 0.0
-        self._element_kind = np.zeros(self.grid.count, dtype=np.int32)
+        self._stiffness = Stiffness(lattice, self.grid, self.size, self._shape)
         self._holds: list[tuple[np.ndarray, str, History]] = []
         self._nodal = Driving(self.node_reference)
         n = len(self.node_reference)
@@ -164,52 +159,16 @@ class Manifold:
         shares = sign * self.lattice.mass[sites, None] * self._shape[self.grid.slot[sites]]
         np.add.at(self.node_mass, self.grid.nodes[self.grid.element[sites]], shares)
 
-    def _set_stiffness(self, elements: np.ndarray) -> None:
-        """Kinds of stiffness of some elements, one a different sharing of bonds."""
-        terms, layer = self.lattice._terms, self.lattice.layer
-        first_site = np.zeros(self.grid.count, dtype=np.int64)
-        first_site[self.grid.element] = np.arange(len(self.grid.element))
-        plain = elements[self.kind[elements] == CONTINUUM]
-        for number, material in enumerate(self.lattice.materials):
-            mine = plain[layer[first_site[plain]] == number]
-            if len(mine):
-                key = b"continuum %d" % number
-                if key not in self._kinds:
-                    found = bricks.stiffness(self.size, material.young_modulus, material.poisson_ratio)
-                    self._keep(key, found, mine[0])
-                self._element_kind[mine] = self._kinds[key]
-        manifold = elements[self.kind[elements] == MANIFOLD]
-        for part in np.array_split(manifold, max(1, len(manifold) // 512)):
-            weight, first, second = self._template.weights(part, self.kind == PARTICLES)
-            materials = np.where(weight > 0.0, layer[np.maximum(first, 0)] + 256 * layer[np.maximum(second, 0)].astype(int), 0)
-            for row, element in enumerate(part):
-                key = weight[row].tobytes() + materials[row].tobytes()
-                if key not in self._kinds:
-                    one, two = materials[row] % 256, materials[row] // 256
-                    normal, shear = (0.5 * (table[one] + table[two]) for table in (terms.normal, terms.shear))
-                    self._keep(key, self._template.stiffness(weight[row], normal, shear), element)
-                self._element_kind[element] = self._kinds[key]
-
-    def _keep(self, key: bytes, matrix: np.ndarray, element: int) -> None:
-        self._kinds[key] = len(self._matrices)
-        self._matrices.append(np.ascontiguousarray(matrix))
-        sites = self.grid.sites_of(np.array([element])) if len(self.grid.element) < 10**5 else None
-        share = (
-            self.lattice.mass[0] * np.prod(self.grid.per_element) / 8.0 * np.ones(8) if sites is None
-            else self.lattice.mass[sites] @ self._shape[self.grid.slot[sites]]
-        )  # fmt: skip
-        light = np.repeat(np.where(share > 1e-9 * share.max(), share, np.inf), 3) ** -0.5
-        self._stiffest = max(self._stiffest, float(np.linalg.eigvalsh(matrix * light[:, None] * light)[-1]))
-
     def _critical_step(self) -> float:
         """The smaller one of the lattice's, where particles are or may come, and the bound of the elements, 2 / max omega_e."""
-        found = 2.0 / math.sqrt(self._stiffest) if self._stiffest > 0.0 else math.inf
+        stiffest = self._stiffness.stiffest
+        found = 2.0 / math.sqrt(stiffest) if stiffest > 0.0 else math.inf
         needs_particles = self.criterion is not None or bool((self.kind == PARTICLES).any())
         return min(found, self.lattice.critical_step) if needs_particles else found
 
     def _arrange(self, changed: np.ndarray) -> None:
         """Everything that depends on which elements are there, after those in `changed` have changed."""
-        self._set_stiffness(changed[self.kind[changed] != PARTICLES])
+        self._stiffness.find(changed[self.kind[changed] != PARTICLES], self.kind)
         active = np.flatnonzero(self.kind != PARTICLES).astype(np.int32)
         alive = np.zeros(len(self.node_mass), dtype=bool)
         alive[self.grid.nodes[active]] = True
@@ -224,7 +183,7 @@ class Manifold:
         nodes.counts[MOVING_RUNS] = len(runs)
         rows = np.flatnonzero(self.lattice.needed).astype(np.int32)
         self._elements = steps.Elements(
-            self.grid.nodes, self._element_kind, np.array(self._matrices).reshape(-1, 24, 24), active,
+            self.grid.nodes, self._stiffness.number, self._stiffness.matrices, active,
             rows, self.grid.element[rows], self.grid.slot[rows], self._shape, np.zeros(48),
         )  # fmt: skip
 
@@ -365,33 +324,7 @@ class Manifold:
 
         Momentum is kept; what the kinetic energy and the strain energy lose is booked as `release_kinetic` and `release_strain`.
         """
-        elements = np.asarray(elements, dtype=np.int64)
-        elements = elements[self.kind[elements] != PARTICLES]
-        if len(elements) == 0:
-            return
-        self.prepare()
-        before = self._account()
-        lattice, state = self.lattice, self.lattice._state
-        sites = self.grid.sites_of(elements)
-        nodes, shape = self.grid.nodes[self.grid.element[sites]], self._shape[self.grid.slot[sites]]
-        for own, nodal in ((state.displacement, self._nodes.displacement), (state.velocity, self._nodes.velocity)):
-            own[:, sites] = np.einsum("sc,asc->as", shape, nodal[:, nodes])
-        self._add_mass(elements, -1.0)
-        self.kind[elements] = PARTICLES
-        changed = np.union1d(self._surround(self.kind, elements), self.grid.around(elements))
-        free = self._free_rows()
-        lattice.refresh(free, ~free, self.grid.sites_of(self.grid.around(elements)))
-        self._arrange(changed)
-        self.first_released = self.first_released if self.released else elements
-        self.released += len(elements)
-        self.release_log.append((self.time, self.released))
-        self._ready = False
-        self._settle()
-        after = self._account()
-        lost = before[0] - after[0], before[1] - after[1]
-        self._lost["release_kinetic"] += lost[0]
-        self._lost["release_strain"] += lost[1]
-        self._base += after[2] + sum(lost) - before[2]
+        changes.release(self, elements)
 
     def prepare(self) -> None:
         """Forces for the state of now, where something has changed since the last step; energies count from the first time."""

@@ -1,0 +1,74 @@
+"""Stiffness of all elements of a body: one matrix for each way in which they own their bonds, and for each material of the continuum."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bridge.manifold.grid import Grid
+from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
+from bridge.manifold.template import Template
+from continuum import bricks
+from particles.lattice import Lattice
+from particles.lattice.geometry import directions, vectors
+
+AT_ONCE = 512  # elements whose bonds are looked at together
+
+
+class Stiffness:
+    """The matrices that elements share, found as elements need them.
+
+    Args:
+        lattice: whose bonds are counted.
+        grid: sites and elements.
+        size: of an element (3,), m.
+        shape: functions (slots, 8) of the places in an element.
+    """
+
+    def __init__(self, lattice: Lattice, grid: Grid, size: np.ndarray, shape: np.ndarray) -> None:
+        self._lattice, self._grid, self._size, self._shape = lattice, grid, size, shape
+        self._template = Template(grid, vectors(3, lattice.spacing), directions(3), lattice.spacing)
+        self._first_site = np.zeros(grid.count, dtype=np.int64)
+        self._first_site[grid.element] = np.arange(len(grid.element))
+        self._known: dict[bytes, int] = {}
+        self._matrices: list[np.ndarray] = []
+        self.number = np.zeros(grid.count, dtype=np.int32)  # of each element's matrix
+        self.stiffest = 0.0  # largest omega^2 of an element alone, 1/s2
+
+    @property
+    def matrices(self) -> np.ndarray:
+        """(kinds, 24, 24) in N/m."""
+        return np.array(self._matrices).reshape(-1, 24, 24)
+
+    def find(self, elements: np.ndarray, kind: np.ndarray) -> None:
+        """Numbers of the matrices of some elements, which are there, in a body whose elements are of kinds (all,)."""
+        terms, layer = self._lattice._terms, self._lattice.layer
+        plain = elements[kind[elements] == CONTINUUM]
+        for number, material in enumerate(self._lattice.materials):
+            mine = plain[layer[self._first_site[plain]] == number]
+            if len(mine):
+                key = b"continuum %d" % number
+                if key not in self._known:
+                    self._keep(key, bricks.stiffness(self._size, material.young_modulus, material.poisson_ratio), mine[0])
+                self.number[mine] = self._known[key]
+        manifold = elements[kind[elements] == MANIFOLD]
+        for part in np.array_split(manifold, max(1, len(manifold) // AT_ONCE)):
+            weight, first, second = self._template.weights(part, kind == PARTICLES)
+            materials = np.where(weight > 0.0, layer[np.maximum(first, 0)] + 256 * layer[np.maximum(second, 0)].astype(int), 0)
+            for row, element in enumerate(part):
+                key = weight[row].tobytes() + materials[row].tobytes()
+                if key not in self._known:
+                    one, two = materials[row] % 256, materials[row] // 256
+                    normal, shear = (0.5 * (table[one] + table[two]) for table in (terms.normal, terms.shear))
+                    self._keep(key, self._template.stiffness(weight[row], normal, shear), element)
+                self.number[element] = self._known[key]
+
+    def _keep(self, key: bytes, matrix: np.ndarray, element: int) -> None:
+        self._known[key] = len(self._matrices)
+        self._matrices.append(np.ascontiguousarray(matrix))
+        sites = self._grid.sites_of(np.array([element])) if len(self._grid.element) < 10**5 else None
+        share = (
+            self._lattice.mass[0] * np.prod(self._grid.per_element) / 8.0 * np.ones(8) if sites is None
+            else self._lattice.mass[sites] @ self._shape[self._grid.slot[sites]]
+        )  # fmt: skip
+        light = np.repeat(np.where(share > 1e-9 * share.max(), share, np.inf), 3) ** -0.5
+        self.stiffest = max(self.stiffest, float(np.linalg.eigvalsh(matrix * light[:, None] * light)[-1]))
