@@ -1,5 +1,6 @@
 """Lattice particles, particle-based manifold elements and continuum elements in one body (Zhao et al. 2012)."""
 
-from bridge.manifold.body import CONTINUUM, MANIFOLD, PARTICLES, Manifold, principal, ultimate_strain
+from bridge.manifold.body import CONTINUUM, MANIFOLD, PARTICLES, Manifold
+from bridge.manifold.criterion import principal, ultimate_strain
 
 __all__ = ["CONTINUUM", "MANIFOLD", "Manifold", "PARTICLES", "principal", "ultimate_strain"]
