@@ -8,12 +8,12 @@ ordinary Hex8 of the material. Elements can be released: their particles become 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from bridge.manifold import changes, steps
+from bridge.manifold.criterion import Criterion, Probe
 from bridge.manifold.grid import Grid
 from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
 from bridge.manifold.stiffness import Stiffness
@@ -26,26 +26,8 @@ from particles.lattice.state import ABSORBED, BREAKING, BROKEN_BONDS, DAMPING, E
 
 SAFETY = 0.8
 CHUNK = 50  # steps between two looks for blow-up
-Criterion = Callable[[np.ndarray], np.ndarray]
 
 _advance, _evaluate, _elastic = Direct(steps.advance), Direct(steps.evaluate), Direct(steps.elastic)
-_strains_at, _largest_principal = Direct(steps.strains_at), Direct(steps.largest_principal)
-
-
-def ultimate_strain(limit: float, reduction: float = 0.8) -> Criterion:
-    """Criterion (eq 40): the largest principal strain at an element's centre is above `reduction` times `limit`."""
-    if not (math.isfinite(limit) and limit > 0):
-        raise ValueError(f"limit={limit} must be positive")
-    if not 0 < reduction <= 1:
-        raise ValueError(f"reduction={reduction} must be above 0 and at most 1")
-    return lambda strain: principal(strain) > reduction * limit
-
-
-def principal(strain: np.ndarray) -> np.ndarray:
-    """Largest principal value (k,) of strains (k, 6) xx, yy, zz, yz, xz, xy."""
-    found = np.empty(len(strain))
-    _largest_principal(np.ascontiguousarray(strain), found)
-    return found
 
 
 class Manifold:
@@ -62,15 +44,20 @@ class Manifold:
         cut: what becomes of elements that the outline of the body cuts: "particles", or "manifold", which holds together what lies
             on both sides of a slit narrower than an element.
         continuum: False for manifold elements in place of all continuum elements.
-        release: criterion (strains (k, 6) at the centres of manifold elements -> bools (k,)) for the release of elements, such as
+        faces: what elements at the outline of the body are: "continuum", or "manifold", which lack the bonds that the lattice lacks
+            there and are as soft.
+        release: criterion (strains (k, 6) in manifold elements -> bools (k,)) for the release of elements, such as
             `ultimate_strain`; None for none.
+        strain_at: where in an element the criterion is asked: at its "centre" or at its "particles", one of which must meet it.
+        margin: elements round one that meets the criterion which are released with it, so that a crack grows inside particles.
         check_every: steps between two looks at the criterion.
         step: s; by default 0.8 of the critical one, divided by sqrt(1 + alpha) with local damping.
     """
 
     def __init__(
         self, lattice: Lattice, per_element: int | tuple[int, int, int], free: Where | None = None, manifold: Where | None = None,
-        layers: int = 1, cut: str = "particles", continuum: bool = True, release: Criterion | None = None, check_every: int = 5, step: float | None = None,
+        layers: int = 1, cut: str = "particles", continuum: bool = True, faces: str = "continuum", release: Criterion | None = None,
+        strain_at: str = "centre", margin: int = 0, check_every: int = 5, step: float | None = None,
     ) -> None:  # fmt: skip
         if lattice.axes != 3:
             raise ValueError("lattice must be cubic: one repeating layer of it is plane strain")
@@ -78,12 +65,14 @@ class Manifold:
             raise ValueError(f"lattice.time={lattice.time:g} must be 0: elements are laid over a lattice before it moves")
         if cut not in ("particles", "manifold"):
             raise ValueError(f'cut="{cut}" must be "particles" or "manifold"')
+        if faces not in ("continuum", "manifold"):
+            raise ValueError(f'faces="{faces}" must be "continuum" or "manifold"')
         count = np.broadcast_to(np.asarray(per_element, dtype=np.int64), 3).copy()
         if np.any(count < 1):
             raise ValueError(f"per_element={per_element} must be at least 1")
-        if layers < 0 or check_every < 1:
-            raise ValueError(f"layers={layers} must be at least 0 and check_every={check_every} at least 1")
-        self.lattice, self.layers, self.criterion, self.check_every = lattice, layers, release, check_every
+        if layers < 0 or check_every < 1 or margin < 0:
+            raise ValueError(f"layers={layers} and margin={margin} must be at least 0 and check_every={check_every} at least 1")
+        self.lattice, self.layers, self.criterion, self.margin, self.check_every = lattice, layers, release, margin, check_every
         self.grid = Grid(lattice.places, np.zeros(3, dtype=np.int64), count, lattice.periodic)
         self.size = count * lattice.spacing
         zero = lattice.reference[0] - lattice.places[0] * lattice.spacing  # of place (0, 0, 0)
@@ -92,8 +81,8 @@ class Manifold:
         self.centres = corner + (self.grid.cells + 0.5) * self.size
         slots = np.stack(np.meshgrid(*(np.arange(m) for m in count), indexing="ij"), axis=-1).reshape(-1, 3)
         self._shape = bricks.shape_functions((slots + 0.5) / count)
-        self._at_centre = bricks.strain_matrix(np.full((1, 3), 0.5), self.size)[0]
-        self.kind = self._first_kinds(free, manifold, cut, continuum)
+        self._centres, self._probe = (Probe(place, count, self.size) for place in ("centre", strain_at))
+        self.kind = self._first_kinds(free, manifold, cut, continuum, faces)
         self._stiffness = Stiffness(lattice, self.grid, self.size, self._shape)
         self._holds: list[tuple[np.ndarray, str, History]] = []
         self._nodal = Driving(self.node_reference)
@@ -119,10 +108,12 @@ class Manifold:
 
     # construction
 
-    def _first_kinds(self, free: Where | None, manifold: Where | None, cut: str, continuum: bool) -> np.ndarray:
+    def _first_kinds(self, free: Where | None, manifold: Where | None, cut: str, continuum: bool, faces: str) -> np.ndarray:
         kind = np.full(self.grid.count, CONTINUUM if continuum else MANIFOLD, dtype=np.uint8)
         full, plain = self._plain()
         kind[~plain] = MANIFOLD
+        if faces == "manifold":
+            kind[self.grid.at_faces(full)] = MANIFOLD
         if manifold is not None:
             kind[rows_of(manifold, self.centres)] = MANIFOLD
         if free is not None:
@@ -252,9 +243,7 @@ class Manifold:
 
     def element_strain(self, elements: np.ndarray) -> np.ndarray:
         """Strains (k, 6) at the centres of elements: xx, yy, zz, yz, xz, xy."""
-        found = np.empty((len(elements), 6))
-        _strains_at(self._nodes, self._elements, np.asarray(elements, dtype=np.int32), self._at_centre, found)
-        return found
+        return self._centres.strains(self._nodes, self._elements, elements)[0]
 
     def internal_force(self, where: Where) -> np.ndarray:
         """Sum (3,) of the forces of bonds and elements on the nodes and free particles `where`, N; some of each must be named."""
@@ -313,11 +302,14 @@ class Manifold:
                 self.release(self.overstrained())
 
     def overstrained(self) -> np.ndarray:
-        """Manifold elements that the criterion wants released."""
+        """Elements that the criterion wants released: manifold elements that meet it, and the margin round them."""
         manifold = np.flatnonzero(self.kind == MANIFOLD)
         if self.criterion is None or len(manifold) == 0:
             return manifold[:0]
-        return manifold[np.asarray(self.criterion(self.element_strain(manifold)), dtype=bool)]
+        found = manifold[self._probe.meets(self.criterion, self._nodes, self._elements, manifold)]
+        for _ in range(self.margin if len(found) else 0):
+            found = self.grid.around(found)
+        return found[self.kind[found] != PARTICLES]
 
     def release(self, elements: np.ndarray) -> None:
         """Turn elements into free particles, and continuum elements near them into manifold elements.

@@ -73,6 +73,16 @@ class Grid:
         found = self.element_at(self.cells[elements][:, None, :] + AROUND)
         return np.unique(found[found >= 0])
 
+    def at_faces(self, full: np.ndarray) -> np.ndarray:
+        """Elements (n,) bool beside which, across a face or an edge, bonds of the lattice have no site.
+
+        Args:
+            full: elements (n,) bool that hold all their sites.
+        """
+        steps = AROUND[np.abs(AROUND).sum(axis=1) < 3]  # no bond of the lattice crosses a corner
+        found = self.element_at(self.cells[:, None, :] + steps)
+        return np.any((found < 0) | ~full[found], axis=1)
+
     def sites_of(self, elements: np.ndarray) -> np.ndarray:
         """Sites of some elements, sorted."""
         chosen = np.zeros(self.count, dtype=bool)

@@ -58,47 +58,12 @@ def make(p: Parameters) -> Any:
     return body
 
 
-def hex8(p: Parameters, points: Any) -> Any:
-    """Displacements (k, 3) of points (k, 3) by a regular mesh of Hex8 with the load half a spacing inside its end, as particles have it."""
-    import numpy as np
-    import scipy.sparse as sparse
-    from scipy.sparse.linalg import spsolve
-
-    from bridge.manifold.grid import CORNERS
-    from continuum import bricks
-
-    count = np.array([p.reference, p.reference, 4 * p.reference])
-    size = np.array([p.width, p.width, p.length]) / count
-    cells = np.stack(np.meshgrid(*(np.arange(n) for n in count), indexing="ij"), axis=-1).reshape(-1, 3)
-    shape = tuple(count + 1)
-    nodes = np.ravel_multi_index(tuple(np.moveaxis(cells[:, None, :] + CORNERS, -1, 0)), shape)
-    freedoms = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 24)
-    matrix = np.tile(bricks.stiffness(size, p.young_modulus, p.poisson_ratio).ravel(), len(nodes))
-    rows, columns = np.repeat(freedoms, 24, axis=1).ravel(), np.tile(freedoms, (1, 24)).ravel()
-    stiffness = sparse.csr_matrix((matrix, (rows, columns)))
-
-    def weights(x: Any) -> tuple[Any, Any]:
-        cell = np.clip((x / size).astype(int), 0, count - 1)
-        number = np.ravel_multi_index(tuple(np.moveaxis(cell[:, None, :] + CORNERS, -1, 0)), shape)
-        return number, bricks.shape_functions(x / size - cell)
-
-    steps = (np.arange(4 * p.reference) + 0.5) * p.width / (4 * p.reference)
-    face = np.stack(np.meshgrid(steps, steps, [p.length - 0.5 * p.spacing], indexing="ij"), axis=-1).reshape(-1, 3)
-    force = np.zeros((int(np.prod(shape)), 3))
-    number, share = weights(face)
-    np.add.at(force[:, 1], number, share * p.traction * p.width**2 / len(face))
-    free = np.arange(force.size).reshape(-1, 3)[np.arange(len(force)) % shape[2] > 0].ravel()  # the last axis is the length
-    moved = np.zeros(force.size)
-    moved[free] = spsolve(stiffness[free][:, free].tocsc(), force.ravel()[free])
-    number, share = weights(points)
-    return np.einsum("kn,kna->ka", share, moved.reshape(-1, 3)[number])
-
-
 def carry_out(p: Parameters, recorder: Any, figures: bool) -> None:
     """The coupled bar, the reference, and their difference along the lines."""
     import numpy as np
 
     from studies.lattice.common import at_rest
+    from studies.lattice.hex8 import bar
 
     body = recorder.build(lambda: make(p))
     recorder.run(body, p.steps, until=at_rest(1e-6))
@@ -109,7 +74,7 @@ def carry_out(p: Parameters, recorder: Any, figures: bool) -> None:
         row = row[np.argsort(x[row, 2])]
         moved = body.motion(row)[0][:, 1]
         with recorder.watch.phase("setup"):
-            wanted = hex8(p, x[row])[:, 1]
+            wanted = bar(p, p.length, p.reference, (0, p.traction, 0), x[row])[:, 1]
         recorder.result(f"largest_error_line_{k + 1}", float(np.abs(moved / wanted - 1.0).max()), "1", 0.02)
         recorder.result(f"end_deflection_line_{k + 1}", float(moved[-1]), "m", float(wanted[-1]))
         lines.append((x[row, 2], moved, wanted))

@@ -10,11 +10,12 @@ from studies.options import NOT_NEGATIVE, POSITIVE, SHARE, check, parameter
 
 TITLE = "A notched specimen torn apart: elements are released as the crack comes"
 HELP = (
-    "The top of a plate with a notch in its side is drawn up slowly, its bottom is fixed. The body is continuum elements with manifold "
-    "elements round the notch; these are released where the largest principal strain comes near the ultimate strain, and "
-    "the crack runs through particles. The same by particles alone."
+    "The top of a plate with a notch in its side is drawn up slowly, its bottom is fixed. The body is manifold elements at free faces and "
+    "round the notch, continuum elements elsewhere; manifold elements are released where the largest principal strain comes near the "
+    "ultimate strain, and the crack runs through particles. The same by particles alone."
 )
 MODELS = ("release", "particles")
+PLACES, FACES = ("particles", "centre"), ("manifold", "continuum")
 LEAST_DROP = 0.5  # of the load, of its peak: the specimen has failed
 
 
@@ -33,8 +34,12 @@ class Parameters:
     density: float = parameter(2650.0, "Density.", "kg/m3", POSITIVE)
     ultimate_strain: float = parameter(4e-4, "Ultimate strain of the release.", "-", POSITIVE)
     reduction: float = parameter(0.8, "Share of it at which elements are released.", "-", SHARE)
+    strain_at: str = parameter("particles", "Where in an element the strain is taken: at its centre or its particles.", choices=PLACES)
+    margin: int = parameter(1, "Elements round an overstrained one that are released with it.", "", NOT_NEGATIVE, limits=(0, 10))
+    faces: str = parameter("manifold", "Elements at free faces: as soft as the lattice there, or continuum.", choices=FACES)
     ultimate_deformation: float = parameter(5e-7, "Deformation at which bonds break.", "m", POSITIVE)
     speed: float = parameter(0.02, "Speed of the top.", "m/s", POSITIVE)
+    damping: float = parameter(0.0, "Local damping alpha.", "-", NOT_NEGATIVE, limits=(0, 0.9))
     elongation: float = parameter(5e-5, "Largest displacement of the top.", "m", POSITIVE)
     models: str = parameter("both", "With release, particles alone, or both.", choices=("both", *MODELS))
 
@@ -70,11 +75,14 @@ def make(p: Parameters, name: str) -> Any:
     plate = Box((0, 0, 0), (p.width, p.height, p.thickness))
     cut = Box((-edge, middle - 0.5 * edge, -edge), (p.notch, middle + 0.5 * edge, p.thickness + edge))
     inside = packings.simple_cubic(plate, 0.5 * d)
-    body = Lattice(inside[~cut.contains(inside)], d, material)
+    body = Lattice(inside[~cut.contains(inside)], d, material, local_damping=p.damping)
     model: Any = body
     if name == "release":
         near = Box((-edge, middle - 3.1 * edge, -edge), (p.notch + 3.1 * edge, middle + 3.1 * edge, p.thickness + edge))
-        model = Manifold(body, p.per_element, manifold=near, release=ultimate_strain(p.ultimate_strain, p.reduction))
+        model = Manifold(
+            body, p.per_element, manifold=near, faces=p.faces, release=ultimate_strain(p.ultimate_strain, p.reduction),
+            strain_at=p.strain_at, margin=p.margin,
+        )  # fmt: skip
     ramp = 4.0 * p.height / material.wave_speed  # the speed comes smoothly, so that no wave runs ahead
 
     def lower(x: Any) -> Any:
@@ -133,6 +141,8 @@ def carry_out(p: Parameters, recorder: Any, figures: bool) -> None:
     if p.models == "both":
         one, two = (recorder.results[f"failure_load_{name}"]["value"] for name in MODELS)
         recorder.result("difference_of_failure_loads", one / two - 1.0, "1")
+        one, two = (recorder.results[f"failure_displacement_{name}"]["value"] for name in MODELS)
+        recorder.result("difference_of_failure_displacements", one / two - 1.0, "1")
         recorder.result("time_share", recorder.seconds["release"] / recorder.seconds["particles"], "1")
     if figures:
         draw(p, recorder.outcomes, stages, recorder.folder)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bridge.manifold import CONTINUUM, MANIFOLD, PARTICLES, Manifold, principal, ultimate_strain
+from bridge.manifold.criterion import Probe
 from continuum import bricks
 from meshes import Box, packings
 from particles.lattice import Lattice, LatticeMaterial
@@ -77,6 +78,28 @@ def test_patch_test_across_all_layers(continuum):
         x, force = body.lattice.reference, body.lattice._state.force.T
         inner = np.all((x > 2) & (x < 5 * n - 2), axis=1) & body.lattice.free
         assert np.abs(force[inner]).max() < 1e-12 * np.abs(force).max()
+
+
+def test_elements_at_free_faces_are_as_soft_as_the_lattice():
+    """In uniform strain manifold elements there have the energy of the bonds that are there, continuum elements that of the volume;
+    those round a hole and at its edges, too."""
+    bodies = {}
+    region = Box((0, 0, 0), (16, 12, 16)) - Box((4, 4, -1), (8, 8, 17))
+    for faces in ("lattice", "manifold", "continuum"):
+        alone = Lattice(packings.simple_cubic(region, 0.5), 1.0, ROCK)
+        bodies[faces] = alone if faces == "lattice" else Manifold(alone, 4, free=layers(4), faces=faces)
+    gradient = 1e-4 * np.random.default_rng(7).standard_normal((3, 3))
+    bodies["lattice"].displacement = bodies["lattice"].reference @ gradient.T
+    for faces in ("manifold", "continuum"):
+        bodies[faces].set_motion(lambda x: x @ gradient.T)
+    soft, same, stiff = (one.energies()["elastic"] for one in bodies.values())
+    assert same == pytest.approx(soft, rel=1e-12) and stiff > 1.05 * soft
+
+
+def test_only_elements_inside_are_continuum_with_manifold_faces():
+    body = Manifold(lattice((12, 15, 18)), 3, faces="manifold")
+    inside = np.all((body.grid.cells > 0) & (body.grid.cells < body.grid.shape - 1), axis=1)
+    assert np.array_equal(body.kind == CONTINUUM, inside)
 
 
 def test_elements_left_to_particles_altogether_are_the_lattice():
@@ -192,6 +215,24 @@ def test_the_criterion_takes_the_largest_principal_strain():
     assert np.array_equal(ultimate_strain(2.0, 0.5)(strain), principal(strain) > 1.0)
 
 
+def test_no_particle_is_strained_more_than_those_in_the_corners_of_an_element():
+    body = Manifold(lattice((4, 5, 3)), (4, 5, 3), continuum=False)
+    body._nodes.displacement[:] = np.random.default_rng(8).standard_normal((3, 8))
+    inside = (body.lattice.reference - body.lattice.reference.min(axis=0) + 0.5) / body.size
+    everywhere = principal(bricks.strain_matrix(inside, body.size) @ body.displacement[body.grid.nodes[0]].ravel())
+    found = principal(Probe("particles", body.grid.per_element, body.size).strains(body._nodes, body._elements, np.array([0]))[:, 0])
+    assert len(found) == 8 and found.max() == pytest.approx(everywhere.max(), rel=1e-13)
+
+
+def test_a_margin_round_overstrained_particles_is_released():
+    """Bent elements, of which one has overstrained particles and none is overstrained in its centre."""
+    options = {"continuum": False, "release": ultimate_strain(1e-4, 1.0)}
+    for strain_at, margin, wanted in (("centre", 0, 0), ("particles", 0, 1), ("particles", 1, 3)):
+        body = Manifold(lattice((3, 3, 12)), 3, strain_at=strain_at, margin=margin, **options)
+        body.set_motion(displacement=lambda x: np.where(x[:, 2:] > 8.9, 1.0, 0.0) * np.where(x[:, :1] > 1, 3.2e-4, 0.0) * (0, 0, 1))
+        assert len(body.overstrained()) == wanted
+
+
 def test_overstrained_elements_are_released_while_the_run_goes_on():
     """A uniform strain above the limit: one layer of manifold elements after the other, at each look at the criterion."""
     body = Manifold(lattice((6, 6, 30)), 3, free=layers(6), release=ultimate_strain(1e-4), check_every=5)
@@ -210,6 +251,9 @@ def test_overstrained_elements_are_released_while_the_run_goes_on():
         (lambda: Manifold(lattice((4, 4, 5), periodic="z"), 2), "must divide the number of sites"),
         (lambda: Manifold(lattice((4, 4, 4)), 2, free=layers(-1)), "names no particle"),
         (lambda: Manifold(Lattice(packings.hexagonal(Box((0, 0), (4, 4)), 0.5), 1.0, ROCK), 2), "must be cubic"),
+        (lambda: Manifold(lattice((4, 4, 4)), 2, faces="free"), 'faces="free"'),
+        (lambda: Manifold(lattice((4, 4, 4)), 2, strain_at="corners"), 'strain_at="corners"'),
+        (lambda: Manifold(lattice((4, 4, 4)), 2, margin=-1), "margin=-1"),
         (lambda: ultimate_strain(-1.0), "limit=-1"),
         (lambda: ultimate_strain(1.0, 1.5), "reduction=1.5"),
         (lambda: Manifold(lattice((4, 4, 4)), 2).hold(layers(-5), "x"), "neither nodes nor particles"),

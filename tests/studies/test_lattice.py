@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from studies.lattice import cantilever, cavern, command, notch, plate, tension, tunnel, wave
+from studies.lattice import cantilever, cavern, command, hex8, notch, plate, tension, tunnel, wave
 
 pytestmark = pytest.mark.filterwarnings("ignore:poisson_ratio")
 
@@ -26,13 +26,15 @@ def value(summary, name):
 
 
 def test_tension_agrees_but_for_the_bonds_that_free_faces_lack(tmp_path):
-    """Ten particles across: 6 % too soft by particles or manifold elements, 1 % with continuum; half of it with twice as many."""
+    """Against P L/E all are within 6 %. Against the isotropic bar with the same ends particles and manifold elements are soft by what
+    a uniform bar of as many particles across is (7.2 and 3.5 %, tests/particles/test_lattice.py), but for the fixed end."""
     summary = results("tension", tmp_path)
-    for name, most in (("particles", 0.065), ("manifold", 0.065), ("layers", 0.02)):
-        assert abs(value(summary, f"error_{name}")) < most
+    for name in ("particles", "manifold", "layers"):
+        assert abs(value(summary, f"error_{name}")) < 0.06
     assert value(summary, "error_direct") < value(summary, "error_layers")  # the face is counted twice: stiffer
     finer = results("tension", tmp_path / "finer", "--spacing", "0.0005")
-    assert value(finer, "error_particles") == pytest.approx(0.5 * value(summary, "error_particles"), rel=0.15)
+    for one, soft in ((summary, 0.0719), (finer, 0.0350)):
+        assert value(one, "error_particles") - value(one, "error_hex8") == pytest.approx(soft, abs=0.01)
 
 
 def test_a_pulse_arrives_in_time_and_doubles_at_the_free_end(tmp_path):
@@ -47,7 +49,7 @@ def test_a_pulse_arrives_in_time_and_doubles_at_the_free_end(tmp_path):
 def test_the_reference_of_the_cantilever_bends_as_a_beam_with_shear(tmp_path):
     """Hex8 of a slender bar against Timoshenko's P L^3 / 3 E I + P L / k G A, k = 5/6: 2 % for the elements and the clamped end."""
     p = cantilever.Parameters(width=0.01, length=0.06, spacing=0.0001, per_element=10, reference=10, poisson_ratio=0.2)
-    found = cantilever.hex8(p, np.array([(0.005, 0.005, 0.06)]))[0, 1]
+    found = hex8.bar(p, p.length, p.reference, (0, p.traction, 0), np.array([(0.005, 0.005, 0.06)]))[0, 1]
     load, shear = p.traction * p.width**2, p.young_modulus / 2.4
     beam = load * p.length**3 / (p.young_modulus * p.width**4 / 4) + load * p.length / (5 / 6 * shear * p.width**2)
     assert found == pytest.approx(beam, rel=0.02)

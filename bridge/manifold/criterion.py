@@ -1,0 +1,67 @@
+"""When elements are released: a criterion of strains, and where in an element it is asked (Zhao et al. 2012, section 3.3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from bridge.manifold import steps
+from continuum import bricks
+from particles.dispatch import Direct
+
+Criterion = Callable[[np.ndarray], np.ndarray]
+PLACES = ("centre", "particles")
+
+_strains_at, _largest_principal = Direct(steps.strains_at), Direct(steps.largest_principal)
+
+
+def ultimate_strain(limit: float, reduction: float = 0.8) -> Criterion:
+    """Criterion (eq 40): the largest principal strain is above `reduction` times `limit`."""
+    if not (math.isfinite(limit) and limit > 0):
+        raise ValueError(f"limit={limit} must be positive")
+    if not 0 < reduction <= 1:
+        raise ValueError(f"reduction={reduction} must be above 0 and at most 1")
+    return lambda strain: principal(strain) > reduction * limit
+
+
+def principal(strain: np.ndarray) -> np.ndarray:
+    """Largest principal value (k,) of strains (k, 6) xx, yy, zz, yz, xz, xy."""
+    found = np.empty(len(strain))
+    _largest_principal(np.ascontiguousarray(strain), found)
+    return found
+
+
+class Probe:
+    """Strains of elements at their centres, or at the particles in their corners.
+
+    Each component of a brick's strain is linear along each axis, so that no particle of an element has a larger principal
+    strain (or any other convex measure of strain) than those in its corners.
+
+    Args:
+        place: "centre" or "particles".
+        per_element: sites along each axis of an element (3,).
+        size: of an element, m (3,).
+    """
+
+    def __init__(self, place: str, per_element: np.ndarray, size: np.ndarray) -> None:
+        if place not in PLACES:
+            raise ValueError(f'strain_at="{place}" must be "{PLACES[0]}" or "{PLACES[1]}"')
+        outer = 0.5 / per_element
+        ends = [np.unique((end, 1.0 - end)) for end in (outer if place == "particles" else np.full(3, 0.5))]
+        points = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, 3)
+        self._matrices = bricks.strain_matrix(points, size)  # (points, 6, 24)
+
+    def strains(self, nodes: steps.Nodes, elements: steps.Elements, chosen: np.ndarray) -> np.ndarray:
+        """Strains (points, chosen, 6) of some elements."""
+        chosen = np.asarray(chosen, dtype=np.int32)
+        found = np.empty((len(self._matrices), len(chosen), 6))
+        for matrix, strain in zip(self._matrices, found):
+            _strains_at(nodes, elements, chosen, matrix, strain)
+        return found
+
+    def meets(self, criterion: Criterion, nodes: steps.Nodes, elements: steps.Elements, chosen: np.ndarray) -> np.ndarray:
+        """Which (chosen,) of some elements meet a criterion at one of their points."""
+        strain = self.strains(nodes, elements, chosen)
+        return np.asarray(criterion(strain.reshape(-1, 6)), dtype=bool).reshape(strain.shape[:2]).any(axis=0)
