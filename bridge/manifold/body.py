@@ -16,13 +16,15 @@ from bridge.manifold import changes, steps
 from bridge.manifold.criterion import Criterion, Probe
 from bridge.manifold.grid import Grid
 from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
+from bridge.manifold.part import ManifoldPart
 from bridge.manifold.stiffness import Stiffness
 from continuum import bricks
 from particles.dispatch import Direct
 from particles.lattice import Lattice
 from particles.lattice.driving import Driving, History, Where, rows_of
 from particles.lattice.lattice import ahead
-from particles.lattice.state import ABSORBED, BREAKING, BROKEN_BONDS, DAMPING, EXTERNAL, HELD, MOVING_RUNS, SUMS
+from particles.lattice.part import Parts
+from particles.lattice.state import ABSORBED, BREAKING, BROKEN_BONDS, DAMPING, EXTERNAL, HELD, MOVING_RUNS, SUMS, Drive
 
 SAFETY = 0.8
 CHUNK = 50  # steps between two looks for blow-up
@@ -105,6 +107,7 @@ class Manifold:
         if not (math.isfinite(self.step) and self.step > 0):
             raise ValueError(f"step={step} must be positive (s)")
         self._ready, self._base = False, 0.0
+        self._parts: Parts | None = None
 
     # construction
 
@@ -290,16 +293,32 @@ class Manifold:
         while step_count > 0:
             self.prepare()
             now = min(step_count, CHUNK if self.criterion is None else self.check_every)
-            _advance(
-                lattice._state, lattice._terms, self._nodes, self._elements, lattice.driving.drive(self.time, self.step, now),
-                self._nodal.drive(self.time, self.step, now), now, self.step,
-            )  # fmt: skip
+            self._steps(lattice.driving.drive(self.time, self.step, now), self._nodal.drive(self.time, self.step, now), now)
             self.time += now * self.step
             lattice.time = self.time
             step_count -= now
+            wanted = self.overstrained() if self.criterion is not None else []
+            if self._parts is not None and (step_count == 0 or len(wanted)):
+                self._parts.take_over(self._parts.order("collect"))
             lattice.check(self.step)
-            if self.criterion is not None:
-                self.release(self.overstrained())
+            if len(wanted):
+                self.release(wanted)
+
+    def _steps(self, drive: Drive, nodal: Drive, count: int) -> None:
+        """Steps by all ranks, where some follow."""
+        lattice, nodes = self.lattice, self._nodes
+        following = lattice.following()
+        if following is None:
+            _advance(lattice._state, lattice._terms, nodes, self._elements, drive, nodal, count, self.step)
+            return
+        if self._parts is None:
+            self._parts = Parts(following, ManifoldPart, lattice, nodes, self._elements)
+        nodes.displacement[:], nodes.velocity[:], nodes.force[:], sums = self._parts.order("advance_both", drive, nodal, count, self.step)
+        nodes.sums[:] += sums
+
+    def parallel(self) -> dict[str, Any]:
+        """How the work is shared out among ranks; nothing on one rank."""
+        return {} if self._parts is None else self._parts.order("parallel")
 
     def overstrained(self) -> np.ndarray:
         """Elements that the criterion wants released: manifold elements that meet it, and the margin round them."""
@@ -329,6 +348,7 @@ class Manifold:
 
     def _settle(self) -> None:
         lattice, h = self.lattice, self.step
+        self._parts = None
         self._arrange_driving()
         _evaluate(
             lattice._state, lattice._terms, self._nodes, self._elements, lattice.driving.drive(self.time - h, h, 1),

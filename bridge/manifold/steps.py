@@ -111,6 +111,32 @@ def advance(state, terms, nodes, elements, drive, nodal_drive, steps, h):
     carry(state, nodes, elements)
 
 
+@njit(**STEPS)
+def carry_rows(state, nodes, elements):
+    """`carry`, from Python."""
+    carry(state, nodes, elements)
+
+
+@njit(**STEPS)
+def pull_nodes(state, nodes, elements):
+    """Forces of elements, and of the bonds of the particles that they carry, on the nodes."""
+    element_forces(nodes, elements)
+    hand_over(state, nodes, elements)
+
+
+@njit(**STEPS)
+def act_on_nodes(nodes, elements, terms, drive, s, h):
+    """What acts on nodes, booked, from Python."""
+    motion.act(nodes, terms.damping, drive, s, h, 1.0)
+
+
+@njit(**STEPS)
+def kick_both(state, nodes, by, drift):
+    """`motion.kick` of particles and nodes."""
+    motion.kick(state, by, drift)
+    motion.kick(nodes, by, drift)
+
+
 @njit(**OUTER)
 def elastic(state, terms, nodes, elements):
     """Energies (J) of the explicit bonds and of the elements; forces become those of bonds and elements alone."""

@@ -294,7 +294,7 @@ class Lattice:
             return
         if self._parts is None:
             self._parts = Parts(following, Part, self)
-        self._parts.advance(drive, steps, self.step)
+        self._parts.take_over(self._parts.order("advance", drive, steps, self.step))
 
     def following(self) -> Crew | None:
         """Ranks that help with the steps, if any: the variational force is for one rank, as it reaches a neighbour farther."""
@@ -302,7 +302,7 @@ class Lattice:
 
     def parallel(self) -> dict[str, Any]:
         """How the work is shared out among ranks; nothing on one rank."""
-        return {} if self._parts is None else self._parts.parallel()
+        return {} if self._parts is None else self._parts.order("parallel")
 
     def check(self, step: float | None = None) -> None:
         """Raise Unstable where the lattice has blown up, with steps (s) of its own by default."""

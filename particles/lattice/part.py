@@ -58,6 +58,7 @@ class Part:
         self._meet(np.flatnonzero(self.needed & self._others))
         self.seconds = dict.fromkeys(SECONDS, 0.0)
         self._drive: tuple[Drive, Drive] | None = None
+        self._broken = [np.empty((0, 2), dtype=np.int64)]
 
     def release(self) -> None:
         """Give the messages back."""
@@ -108,29 +109,28 @@ class Part:
 
     def advance(self, drive: Drive, steps: int, h: float) -> Any:
         """Whole steps, from and to displacements, velocities and forces of one time (collective); see `collect`."""
-        start, drive = time.perf_counter(), self.mine(drive)
-        state, broken = self.state, [np.empty((0, 2), dtype=np.int64)]
+        start, drive, state = time.perf_counter(), self.mine(drive), self.state
         _kick(state, 0.5 * h, h)
         for s in range(steps):
             self.exchange()
-            broken += self.feel(h)
+            self.feel(h)
             _act(state, self.terms, drive, s, h)
             _kick(state, *((h, h) if s < steps - 1 else (0.5 * h, 0.0)))
         self.seconds["stepping"] += time.perf_counter() - start
-        return self.collect(broken)
+        return self.collect()
 
-    def feel(self, h: float) -> list[np.ndarray]:
-        """Forces of the bonds at the displacements of now; the bonds (k, 2) that break in it, if there are any."""
+    def feel(self, h: float) -> None:
+        """Forces of the bonds at the displacements of now, once more where bonds fail under them (collective)."""
         state, terms = self.state, self.terms
         _feel(state, terms)
         if terms.limits is None:
-            return []
+            return
         found = _failing(state, terms, terms.limits, self._asked)
         start = time.perf_counter()
         total = self.comm.allreduce(len(found))
         self.seconds["agreement"] += time.perf_counter() - start
         if total == 0:
-            return []
+            return
         broken = np.concatenate(self.comm.allgather(found))
         broken = np.ascontiguousarray(broken[np.lexsort(broken.T[::-1])])
         ends = np.unique(np.concatenate((broken[:, 0], state.near[broken[:, 0], broken[:, 1]])))
@@ -141,11 +141,12 @@ class Part:
         _feel(state, terms)
         change = (before - state.force) * ~self._others
         state.sums[BREAKING] += 0.5 * h * float((state.velocity * change).sum())
-        return [broken]
+        self._broken.append(broken)
 
-    def collect(self, broken: list[np.ndarray]) -> Any:
-        """What rank 0 takes over: motion (9, n), energy sums and the bonds that broke (collective)."""
+    def collect(self) -> Any:
+        """What rank 0 takes over: motion (9, n), energy sums and the bonds that broke since it last did (collective)."""
         comm, state = self.comm, self.state
+        broken, self._broken = self._broken, [np.empty((0, 2), dtype=np.int64)]
         own = np.concatenate([getattr(state, name)[:, self.first : self.last] for name in MOTION])
         parts, sums = comm.gather(own), comm.reduce(state.sums)
         state.sums[:] = 0.0
@@ -179,17 +180,16 @@ class Parts:
     def __del__(self) -> None:
         self._crew.forget(self._number)
 
-    def advance(self, *arguments: Any) -> Any:
-        """Let all ranks go on; the lattice has what they found."""
-        moved, sums, broken, *more = self._crew.order(self._number, "advance", *arguments)
+    def order(self, name: str, *arguments: Any) -> Any:
+        """Let all ranks do something; what rank 0 found."""
+        return self._crew.order(self._number, name, *arguments)
+
+    def take_over(self, found: Any) -> None:
+        """Give the lattice what `Part.collect` found."""
+        moved, sums, broken = found
         state = self._whole._state
         for k, name in enumerate(MOTION):
             getattr(state, name)[:] = moved[3 * k : 3 * k + 3]
         state.sums[:] += sums[:SUMS]
         if len(broken):
             cut_all(state, self._whole._terms, broken)
-        return more
-
-    def parallel(self) -> dict[str, Any]:
-        """See `Part.parallel`."""
-        return self._crew.order(self._number, "parallel")
