@@ -297,7 +297,7 @@ class Manifold:
             self.time += now * self.step
             lattice.time = self.time
             step_count -= now
-            wanted = self.overstrained() if self.criterion is not None else []
+            wanted = self.overstrained()
             if self._parts is not None and (step_count == 0 or len(wanted)):
                 self._parts.take_over(self._parts.order("collect"))
             lattice.check(self.step)

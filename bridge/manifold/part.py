@@ -26,9 +26,10 @@ class ManifoldPart(Part):
     """
 
     def __init__(
-        self, comm: Any, state: State, terms: Terms, free: np.ndarray, carried: np.ndarray, nodes: steps.Nodes, elements: steps.Elements
+        self, comm: Any, state: State, terms: Terms, along: np.ndarray, free: np.ndarray, carried: np.ndarray, nodes: steps.Nodes,
+        elements: steps.Elements,
     ) -> None:  # fmt: skip
-        super().__init__(comm, state, terms, free, carried)
+        super().__init__(comm, state, terms, along, free, carried)
         self.nodes = steps.Nodes._make(values.copy() for values in nodes)
         self.nodes.sums[:] = 0.0
         mine = self.needed[elements.carried]

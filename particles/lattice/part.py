@@ -26,11 +26,17 @@ _failing, _break_all = Direct(breaking.failing), Direct(breaking.break_all)
 cut_all = Direct(breaking.cut_all)
 
 
-def slabs(state: State, free: np.ndarray, ranks: int) -> np.ndarray:
-    """First row of each rank's slab, and the number of rows (ranks + 1,): slabs with equal work of free rows."""
-    work = np.concatenate(([0], np.cumsum(free * np.where(state.force_kind == SPECIAL, IRREGULAR, 1))))
-    wanted = work[-1] * np.arange(1, ranks) / ranks
-    return np.concatenate(([0], np.searchsorted(work, wanted), [len(free)])).astype(np.int64)
+def owners(state: State, free: np.ndarray, along: np.ndarray, ranks: int) -> np.ndarray:
+    """Rank (n,) of each row: slabs of whole planes across an axis, with about equal work of free rows.
+
+    Args:
+        free: (n,) bool.
+        along: (n,) place along the axis.
+    """
+    _, plane = np.unique(np.round(along - along.min(), 12), return_inverse=True)
+    work = np.bincount(plane, free * np.where(state.force_kind == SPECIAL, IRREGULAR, 1))
+    middle = np.cumsum(work) - 0.5 * work
+    return np.minimum(ranks * middle / max(1.0, work.sum()), ranks - 1).astype(np.int64)[plane]
 
 
 class Part:
@@ -39,15 +45,14 @@ class Part:
     Args:
         comm: the ranks.
         state, terms: of the whole lattice, as rank 0 has them.
+        along: (n,) place of each row along the longest axis.
         free, carried: (n,) bool, see `particles.lattice.arrangement`.
     """
 
-    def __init__(self, comm: Any, state: State, terms: Terms, free: np.ndarray, carried: np.ndarray) -> None:
+    def __init__(self, comm: Any, state: State, terms: Terms, along: np.ndarray, free: np.ndarray, carried: np.ndarray) -> None:
         self.comm, self.terms = comm, terms
-        self.bounds = slabs(state, free, comm.size)
-        self.first, self.last = self.bounds[comm.rank : comm.rank + 2]
-        inside = np.zeros(len(free), dtype=bool)
-        inside[self.first : self.last] = True
+        self._owner = owners(state, free, along, comm.size)
+        inside = self._owner == comm.rank
         self.own, self._others = free & inside, free & ~inside
         self.state: State = State._make(None if values is None else values.copy() for values in state)
         self.state.force[:, ~self.own] = 0.0
@@ -69,11 +74,10 @@ class Part:
         """Learn which rows go to whom in each step.
 
         Args:
-            wanted: rows of other ranks, ascending, whose displacements are needed here.
+            wanted: rows of other ranks whose displacements are needed here.
         """
         comm = self.comm
-        ends = np.searchsorted(wanted, self.bounds)
-        from_each = [wanted[a:b] for a, b in zip(ends, ends[1:])]
+        from_each = [wanted[self._owner[wanted] == rank] for rank in range(comm.size)]
         to_each = comm.alltoall(from_each)
         self._from = [(rank, rows, np.empty((3, len(rows)))) for rank, rows in enumerate(from_each) if len(rows)]
         self._to = [(rank, rows, np.empty((3, len(rows)))) for rank, rows in enumerate(to_each) if len(rows)]
@@ -144,13 +148,13 @@ class Part:
         self._broken.append(broken)
 
     def collect(self) -> Any:
-        """What rank 0 takes over: motion (9, n), energy sums and the bonds that broke since it last did (collective)."""
+        """What rank 0 takes over: rows, their motion (9, rows), energy sums and the bonds that broke since it last did (collective)."""
         comm, state = self.comm, self.state
         broken, self._broken = self._broken, [np.empty((0, 2), dtype=np.int64)]
-        own = np.concatenate([getattr(state, name)[:, self.first : self.last] for name in MOTION])
-        parts, sums = comm.gather(own), comm.reduce(state.sums)
+        rows = np.flatnonzero(self.own)
+        parts, sums = comm.gather((rows, np.concatenate([getattr(state, name)[:, rows] for name in MOTION]))), comm.reduce(state.sums)
         state.sums[:] = 0.0
-        return (np.concatenate(parts, axis=1), sums, np.concatenate(broken)) if comm.rank == 0 else None
+        return None if parts is None else (*(np.concatenate(ones, axis=-1) for ones in zip(*parts)), sums, np.concatenate(broken))
 
     def parallel(self) -> dict[str, Any]:
         """Rows and seconds of every rank, and how much longer than the mean the busiest computes (collective)."""
@@ -175,7 +179,8 @@ class Parts:
 
     def __init__(self, crew: Crew, kind: type[Part], whole: Any, *more: Any) -> None:
         self._crew, self._number, self._whole = crew, crew.new(), whole
-        crew.place(self._number, kind, whole._state, whole._terms, whole.free, whole.carried, *more)
+        along = whole.reference[:, int(np.ptp(whole.places, axis=0).argmax())]
+        crew.place(self._number, kind, whole._state, whole._terms, along, whole.free, whole.carried, *more)
 
     def __del__(self) -> None:
         self._crew.forget(self._number)
@@ -186,10 +191,10 @@ class Parts:
 
     def take_over(self, found: Any) -> None:
         """Give the lattice what `Part.collect` found."""
-        moved, sums, broken = found
+        rows, moved, sums, broken = found
         state = self._whole._state
         for k, name in enumerate(MOTION):
-            getattr(state, name)[:] = moved[3 * k : 3 * k + 3]
+            getattr(state, name)[:, rows] = moved[3 * k : 3 * k + 3]
         state.sums[:] += sums[:SUMS]
         if len(broken):
             cut_all(state, self._whole._terms, broken)

@@ -7,14 +7,13 @@ from typing import Any
 
 import click
 
-from studies.foundation_command import unstable
 from studies.lattice import cantilever, cavern, notch, plate, tension, tunnel, wave
+from studies.leading import led, shown
 from studies.options import (
     brief,
     click_options,
     no_fields_option,
     no_figures_option,
-    one_rank,
     output_option,
     quiet_option,
 )
@@ -30,22 +29,19 @@ def make(name: str, study: Any) -> click.Command:
         if not 2 <= samples <= 100_000:
             raise ValueError(f"samples={brief(samples)} must be between 2 and 100000")
         p = study.Parameters(**values)
-        one_rank(name)
 
         from bridge.output import check_folder
 
         folder = check_folder(output)
-        from studies.lattice.common import Recorder
 
-        with Recorder(name, p, folder, samples=samples, fields=not no_fields, progress=not quiet) as recorder:
-            study.carry_out(p, recorder, figures=not no_figures)
-        summary = recorder.summary
-        if not summary["stable"]:
-            return unstable(summary["message"])
-        if not quiet:
-            click.echo(report(summary))
-            click.echo(f"results in {folder}")
-        return 0
+        def script() -> str:
+            from studies.lattice.common import Recorder
+
+            with Recorder(name, p, folder, samples=samples, fields=not no_fields, progress=not quiet) as recorder:
+                study.carry_out(p, recorder, figures=not no_figures)
+            return shown(recorder.summary, report, folder, quiet)
+
+        return led(script)
 
     decorators: list[Callable[[Any], Any]] = [
         click_options(study.Parameters), output_option(name),

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
 from bridge.manifold import PARTICLES, Manifold
 from bridge.run import Outcome, Stopwatch, run
+from particles.crew import ranks
 from particles.lattice import Lattice
 
 HEXAHEDRON = [0, 1, 3, 2, 4, 5, 7, 6]  # nodes of an element as VTK wants them
@@ -85,7 +87,7 @@ class Recorder:
 
     def __init__(self, study: str, p: Any, folder: Path, *, samples: int, fields: bool, progress: bool) -> None:
         self.study, self.p, self.samples, self.fields, self.progress = study, p, samples, fields, progress
-        self.folder = output.prepare_folder(folder)
+        self.folder = output.prepare_folder(folder, MPI.COMM_SELF)
         self.watch = Stopwatch()
         self.results: dict[str, dict[str, Any]] = {}
         self.bodies: dict[str, Body] = {}
@@ -163,12 +165,13 @@ class Recorder:
         first = next(iter(self.bodies.values()))
         self.summary = {
             "study": self.study, "method": "lattice", "seed": None, "parameters": asdict(self.p), "versions": output.versions(),
-            "ranks": 1, "threads": 1,
+            "ranks": ranks(), "threads": 1,
             "counts": {name: _counts(body, self.outcomes[name]) for name, body in self.bodies.items()},
             "steps": {"fine": first.step, "fine_critical": first.model.critical_step},
             "seconds": self.watch.seconds | {"total": sum(self.watch.seconds.values())}, "seconds_by_model": self.seconds,
             "particle_steps_per_second": self.particle_steps / stepping if stepping > 0 else 0.0,
             "results": self.results, "energy": energy | {"balance_error": max(errors, default=0.0)},
+            "parallel": {name: found for name, body in self.bodies.items() if (found := body.model.parallel())},
             "stable": stable, "message": message, "warnings": self._heard,
         }  # fmt: skip
         output.write_json(self.folder / "summary.json", self.summary)
