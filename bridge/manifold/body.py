@@ -382,15 +382,16 @@ class Manifold:
         state.force[:], nodes.force[:] = kept
         kinetic = 0.5 * float((nodes.velocity**2).sum(axis=0) @ self.node_mass) + self.lattice.kinetic_energy()
         if self._inertia is not None:
-            ahead_of = nodes.velocity + 0.5 * self.step * kept[1] * nodes.lightness
-            kinetic, middle = kinetic + self._heavier(nodes.velocity), middle + self._heavier(ahead_of)
+            more = self._heavier()
+            kinetic, middle = kinetic + more[0], middle + more[1]
         sums = state.sums + nodes.sums
         lost = sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] + sum(self._lost.values())
         return kinetic, elastic, middle + lost - sums[EXTERNAL] - sums[HELD]
 
-    def _heavier(self, velocity: np.ndarray) -> float:
-        drive = self._nodal.drive(self.time, self.step, 1)
-        return float(_heavier(self._nodes, self._elements, self._inertia, drive, velocity, velocity.copy(), np.empty_like(velocity)))
+    def _heavier(self) -> tuple[float, float]:
+        nodes, drive = self._nodes, self._nodal.drive(self.time, self.step, 1)
+        guess, way, room = nodes.velocity.copy(), np.zeros_like(nodes.velocity), np.zeros_like(nodes.velocity)
+        return _heavier(nodes, self._elements, self._inertia, drive, self.step, nodes.velocity, guess, way, room)
 
     def energies(self) -> dict[str, float]:
         """Energy terms in J; `balance` is the error of the account, without what the integrator's own energy jumps by in a release."""
