@@ -30,6 +30,13 @@ def strain_matrix(points: np.ndarray, size: np.ndarray) -> np.ndarray:
     return found.reshape(len(by), 6, 24)
 
 
+def mass() -> np.ndarray:
+    """Consistent mass (8, 8) in kg of a brick of mass one, the same for each component."""
+    points, weights = _compat.quadrature_rule("hexahedron", DEGREE)
+    shape = shape_functions(points)
+    return np.einsum("q,qa,qb->ab", weights, shape, shape)
+
+
 def stiffness(size: np.ndarray, young_modulus: float, poisson_ratio: float) -> np.ndarray:
     """Stiffness (24, 24) in N/m of an isotropic brick of a size (3,) in m, 2 x 2 x 2 points."""
     points, weights = _compat.quadrature_rule("hexahedron", DEGREE)

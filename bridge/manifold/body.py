@@ -15,6 +15,7 @@ import numpy as np
 from bridge.manifold import changes, steps
 from bridge.manifold.criterion import Criterion, Probe
 from bridge.manifold.grid import Grid
+from bridge.manifold.inertia import heavier, inertia_of, step_factor
 from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
 from bridge.manifold.part import ManifoldPart
 from bridge.manifold.stiffness import Stiffness
@@ -30,6 +31,7 @@ SAFETY = 0.8
 CHUNK = 50  # steps between two looks for blow-up
 
 _advance, _evaluate, _elastic = Direct(steps.advance), Direct(steps.evaluate), Direct(steps.elastic)
+_heavier = Direct(heavier)
 
 
 class Manifold:
@@ -53,13 +55,15 @@ class Manifold:
         strain_at: where in an element the criterion is asked: at its "centre" or at its "particles", one of which must meet it.
         margin: elements round one that meets the criterion which are released with it, so that a crack grows inside particles.
         check_every: steps between two looks at the criterion.
+        mass: "lumped", or "higher-order" (see `bridge.manifold.inertia`): waves that are a few elements long keep their speed, for
+            one product of elements more a step; not with local damping.
         step: s; by default 0.8 of the critical one, divided by sqrt(1 + alpha) with local damping.
     """
 
     def __init__(
         self, lattice: Lattice, per_element: int | tuple[int, int, int], free: Where | None = None, manifold: Where | None = None,
         layers: int = 1, cut: str = "particles", continuum: bool = True, faces: str = "continuum", release: Criterion | None = None,
-        strain_at: str = "centre", margin: int = 0, check_every: int = 5, step: float | None = None,
+        strain_at: str = "centre", margin: int = 0, check_every: int = 5, mass: str = "lumped", step: float | None = None,
     ) -> None:  # fmt: skip
         if lattice.axes != 3:
             raise ValueError("lattice must be cubic: one repeating layer of it is plane strain")
@@ -69,6 +73,10 @@ class Manifold:
             raise ValueError(f'cut="{cut}" must be "particles" or "manifold"')
         if faces not in ("continuum", "manifold"):
             raise ValueError(f'faces="{faces}" must be "continuum" or "manifold"')
+        if mass not in ("lumped", "higher-order"):
+            raise ValueError(f'mass="{mass}" must be "lumped" or "higher-order"')
+        if mass != "lumped" and lattice._terms.damping:
+            raise ValueError(f'mass="{mass}" is for waves; with local_damping={lattice._terms.damping:g} take mass="lumped"')
         count = np.broadcast_to(np.asarray(per_element, dtype=np.int64), 3).copy()
         if np.any(count < 1):
             raise ValueError(f"per_element={per_element} must be at least 1")
@@ -100,6 +108,7 @@ class Manifold:
         whole = np.flatnonzero(self.kind != PARTICLES)
         self._add_mass(whole, 1.0)
         lattice.refresh(self._free_rows(), ~self._free_rows())
+        self._inertia = inertia_of(self._shares(np.arange(self.grid.count)), n) if mass == "higher-order" else None
         self._arrange(np.arange(self.grid.count))
         self.critical_step = self._critical_step()
         damped = math.sqrt(1.0 + (lattice._terms.damping or 0.0))
@@ -147,16 +156,22 @@ class Manifold:
     def _free_rows(self) -> np.ndarray:
         return (self.kind == PARTICLES)[self.grid.element]
 
-    def _add_mass(self, elements: np.ndarray, sign: float) -> None:
-        """Shares m_j N(X_j) of the particles of elements in the masses of their nodes (eq 27)."""
+    def _shares(self, elements: np.ndarray) -> np.ndarray:
+        """Masses (elements, 8) in kg that the particles of elements give to their nodes, sum of m_j N(X_j) (eq 27)."""
         sites = self.grid.sites_of(elements)
-        shares = sign * self.lattice.mass[sites, None] * self._shape[self.grid.slot[sites]]
-        np.add.at(self.node_mass, self.grid.nodes[self.grid.element[sites]], shares)
+        found = np.zeros((self.grid.count, 8))
+        np.add.at(found, self.grid.element[sites], self.lattice.mass[sites, None] * self._shape[self.grid.slot[sites]])
+        return found[elements]
+
+    def _add_mass(self, elements: np.ndarray, sign: float) -> None:
+        """Masses of the nodes by those of the particles of elements."""
+        np.add.at(self.node_mass, self.grid.nodes[elements], sign * self._shares(elements))
 
     def _critical_step(self) -> float:
         """The smaller one of the lattice's, where particles are or may come, and the bound of the elements, 2 / max omega_e."""
         stiffest = self._stiffness.stiffest
         found = 2.0 / math.sqrt(stiffest) if stiffest > 0.0 else math.inf
+        found *= step_factor() if self._inertia is not None else 1.0
         needs_particles = self.criterion is not None or bool((self.kind == PARTICLES).any())
         return min(found, self.lattice.critical_step) if needs_particles else found
 
@@ -178,7 +193,7 @@ class Manifold:
         rows = np.flatnonzero(self.lattice.needed).astype(np.int32)
         self._elements = steps.Elements(
             self.grid.nodes, self._stiffness.number, self._stiffness.matrices, active,
-            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, np.zeros(48),
+            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, np.zeros(48), self._inertia,
         )  # fmt: skip
 
     def _arrange_driving(self) -> None:
@@ -366,9 +381,17 @@ class Manifold:
         middle = elastic + ahead(state, kept[0], self.step) + ahead(nodes, kept[1], self.step)
         state.force[:], nodes.force[:] = kept
         kinetic = 0.5 * float((nodes.velocity**2).sum(axis=0) @ self.node_mass) + self.lattice.kinetic_energy()
+        if self._inertia is not None:
+            more = self._heavier()
+            kinetic, middle = kinetic + more[0], middle + more[1]
         sums = state.sums + nodes.sums
         lost = sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] + sum(self._lost.values())
         return kinetic, elastic, middle + lost - sums[EXTERNAL] - sums[HELD]
+
+    def _heavier(self) -> tuple[float, float]:
+        nodes, drive = self._nodes, self._nodal.drive(self.time, self.step, 1)
+        guess, way, room = nodes.velocity.copy(), np.zeros_like(nodes.velocity), np.zeros_like(nodes.velocity)
+        return _heavier(nodes, self._elements, self._inertia, drive, self.step, nodes.velocity, guess, way, room)
 
     def energies(self) -> dict[str, float]:
         """Energy terms in J; `balance` is the error of the account, without what the integrator's own energy jumps by in a release."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
+from bridge.manifold.inertia import spread
 from particles.lattice import motion
 from particles.system import KERNEL, OUTER, STEPS
 
@@ -35,6 +36,7 @@ class Elements(NamedTuple):
     slot: Any  # (carried,) int32 place in it
     shape: Any  # (slots, 8) shape functions of the places
     room: Any  # (48,)
+    inertia: Any  # None (lumped mass) or Inertia
 
 
 @njit(**KERNEL)
@@ -85,6 +87,18 @@ def hand_over(state, nodes, elements):
                 nodes.force[a, elements.node[e, c]] += elements.shape[slot, c] * force
 
 
+@njit(**KERNEL)
+def act(nodes, elements, inertia, damping, drive, s, h, booked):
+    """What acts on nodes, and what their mass is beside the lumped one."""
+    if inertia is None:
+        motion.act(nodes, damping, drive, s, h, booked)
+    else:
+        motion.push(nodes, drive, s, h)
+        spread(nodes, elements, inertia, drive)
+        motion.hold(nodes, drive, s, h, booked)
+        motion.book(nodes, inertia.before, drive, s, h, booked)
+
+
 @njit(**OUTER)
 def evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, booked):
     """All forces at the displacements of now."""
@@ -93,7 +107,7 @@ def evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, booked):
     element_forces(nodes, elements)
     hand_over(state, nodes, elements)
     motion.act(state, terms.damping, drive, s, h, booked)
-    motion.act(nodes, terms.damping, nodal_drive, s, h, booked)
+    act(nodes, elements, elements.inertia, terms.damping, nodal_drive, s, h, booked)
 
 
 @njit(**OUTER)

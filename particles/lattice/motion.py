@@ -93,7 +93,17 @@ def act(points, damping, drive, s, h, booked):
 
     `points` are the particles of a lattice, or anything else with displacement, velocity, force, lightness and moving runs.
     """
-    v, f, sums = points.velocity, points.force, points.sums
+    push(points, drive, s, h)
+    if damping is not None:
+        points.sums[DAMPING] += booked * damp(points, damping, h)
+    hold(points, drive, s, h, booked)
+    book(points, points.force, drive, s, h, booked)
+
+
+@njit(**KERNEL)
+def push(points, drive, s, h):
+    """Add loads and dashpots to the forces; a dashpot acts on the mean velocity of the step that these forces give."""
+    v, f = points.velocity, points.force
     for q in range(len(drive.loaded)):
         i, factor = drive.loaded[q], drive.load_factor[s, drive.load_group[q]]
         for a in range(3):
@@ -104,14 +114,24 @@ def act(points, damping, drive, s, h, booked):
         for a in range(3):
             c = drive.dashpot[q, a]
             f[a, i] -= c * (v[a, i] + by * f[a, i]) / (1.0 + by * c)
-    if damping is not None:
-        sums[DAMPING] += booked * damp(points, damping, h)
+
+
+@njit(**KERNEL)
+def hold(points, drive, s, h, booked):
+    """Forces of held components that give them their velocities."""
+    v, f = points.velocity, points.force
     for q in range(len(drive.held)):
         i, a = drive.held[q], drive.held_axis[q]
         wanted = drive.held_velocity[s, drive.held_group[q]]
         needed = (wanted - v[a, i]) / (h * points.lightness[i])
-        sums[HELD] += booked * 0.5 * h * (v[a, i] + wanted) * (needed - f[a, i])
+        points.sums[HELD] += booked * 0.5 * h * (v[a, i] + wanted) * (needed - f[a, i])
         f[a, i] = needed
+
+
+@njit(**KERNEL)
+def book(points, before, drive, s, h, booked):
+    """Work of loads and dashpots; `before` are the forces by whose velocities the dashpots acted."""
+    v, f, sums = points.velocity, points.force, points.sums
     for q in range(len(drive.loaded)):
         i, factor = drive.loaded[q], drive.load_factor[s, drive.load_group[q]]
         by = 0.5 * h * points.lightness[i]
@@ -121,7 +141,7 @@ def act(points, damping, drive, s, h, booked):
         i = drive.absorbing[q]
         by = 0.5 * h * points.lightness[i]
         for a in range(3):
-            sums[ABSORBED] += booked * h * drive.dashpot[q, a] * (v[a, i] + by * f[a, i]) ** 2
+            sums[ABSORBED] += booked * h * drive.dashpot[q, a] * (v[a, i] + by * before[a, i]) * (v[a, i] + by * f[a, i])
 
 
 @njit(**KERNEL)

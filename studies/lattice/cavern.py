@@ -27,6 +27,7 @@ class Parameters:
     zone: float = parameter(4.0, "Width of the particles' part round the chamber.", "m", POSITIVE)
     spacing: float = parameter(0.25, "Spacing of the particles.", "m", POSITIVE)
     per_element: int = parameter(4, "Particles along the edge of an element.", "", POSITIVE, limits=(1, 50))
+    mass: str = parameter("higher-order", "Mass of elements.", choices=("higher-order", "lumped"))
     young_modulus: float = parameter(74e9, "Young's modulus E.", "Pa", POSITIVE)
     poisson_ratio: float = parameter(0.25, "Poisson's ratio.", "-", NOT_NEGATIVE, limits=(0, 0.45))
     density: float = parameter(2650.0, "Density.", "kg/m3", POSITIVE)
@@ -74,8 +75,9 @@ def make(p: Parameters, name: str) -> Any:
     if name == "layers":
         reach = half[0] + p.zone, half[1] + p.zone
         model = Manifold(
-            rock, (p.per_element, p.per_element, 1), free=lambda x: (abs(x[:, 0] - x0) < reach[0]) & (abs(x[:, 1] - y0) < reach[1])
-        )
+            rock, (p.per_element, p.per_element, 1), free=lambda x: (abs(x[:, 0] - x0) < reach[0]) & (abs(x[:, 1] - y0) < reach[1]),
+            mass=p.mass,
+        )  # fmt: skip
     model.hold(lambda x: x[:, 2] > -1.0, "z")
     row = [int(abs(rock.reference[:, :2] - (x0, y0 + p.above)).sum(axis=1).argmin())]
 

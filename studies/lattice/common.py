@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -133,8 +132,7 @@ class Recorder:
         history = self._history
         with self.watch.phase("setup"):
             body.advance(0)
-        started, free = time.perf_counter(), body.lattice.free.sum()
-        compiled = self.watch.seconds["compile"]
+        before, free = self.watch.seconds["stepping"], body.lattice.free.sum()
         outcome = run(
             body, steps, samples=self.samples, until=until, stopwatch=self.watch, label=body.name, progress=self.progress,
             frames=np.unique(np.linspace(0, steps, frames + 1).astype(int)[1:]).tolist() if on_frame else (),
@@ -142,7 +140,7 @@ class Recorder:
         )  # fmt: skip
         for row in outcome.history:
             history.write({"model": body.name, **_common(row)})
-        self.seconds[body.name] = time.perf_counter() - started - (self.watch.seconds["compile"] - compiled)
+        self.seconds[body.name] = self.watch.seconds["stepping"] - before
         self.particle_steps += 0.5 * float(free + body.lattice.free.sum()) * outcome.steps
         self.outcomes[body.name] = outcome
         if self.fields and outcome.stable:

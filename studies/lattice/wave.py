@@ -10,12 +10,13 @@ from studies.options import NOT_NEGATIVE, POSITIVE, check, parameter
 
 TITLE = "A pulse along a bar: fronts and heights in particles, manifold elements and continuum"
 HELP = (
-    "One end is moved with half a sine of velocity and then held, the other one is free; the four sides hold the motion across. The "
-    "first half of the bar is particles, the second one particles, manifold elements, or one layer of these and continuum."
+    "One end is moved with half a sine of velocity and then held, the other one is free; nothing moves across. The first half of the bar "
+    "is particles, the second one particles, manifold elements, or one layer of these and continuum."
 )
 MODELS = ("particles", "manifold", "layers")
 POINTS = (0.5, 50.5, 150.5, 199.5)  # spacings from the moved end in the published bar
 LETTERS = "ABCD"
+SIDES, MASSES = ("repeated", "held"), ("higher-order", "lumped")
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,10 @@ class Parameters:
     per_element: int = parameter(5, "Particles along the edge of an element.", "", POSITIVE, limits=(1, 50))
     young_modulus: float = parameter(12.5e9, "Young's modulus E.", "Pa", POSITIVE)
     poisson_ratio: float = parameter(0.3, "Poisson's ratio.", "-", NOT_NEGATIVE, limits=(0, 0.45))
+    sides: str = parameter(
+        "repeated", "The sides: repeated, as if more of the bar followed, or held, where the lattice lacks bonds.", choices=SIDES
+    )  # fmt: skip
+    mass: str = parameter("higher-order", "Mass of elements.", choices=MASSES)
     density: float = parameter(2650.0, "Density.", "kg/m3", POSITIVE)
     height: float = parameter(0.1, "Height of the pulse.", "m/s", POSITIVE)
     duration: float = parameter(1e-5, "Duration of the pulse.", "s", POSITIVE)
@@ -62,12 +67,12 @@ def make(p: Parameters, name: str) -> Any:
     d = p.spacing
     material = LatticeMaterial(p.young_modulus, p.poisson_ratio, p.density)
     sites = packings.simple_cubic(Box((0, 0, 0), (p.width, p.width, p.length)), 0.5 * d)
-    bar = Lattice(sites, d, material)
+    bar = Lattice(sites, d, material, periodic="xy" if p.sides == "repeated" else "")
     model: Any = bar
     if name != "particles":
         half = 0.5 * p.length
-        model = Manifold(bar, p.per_element, free=lambda x: x[:, 2] < half, continuum=name != "manifold")
-    for axis in (0, 1):
+        model = Manifold(bar, p.per_element, free=lambda x: x[:, 2] < half, continuum=name != "manifold", mass=p.mass)
+    for axis in (0, 1) if p.sides == "held" else ():
         model.hold(lambda x, a=axis: (x[:, a] < 0.75 * d) | (x[:, a] > p.width - 0.75 * d), "xy"[axis])
     model.hold(
         lambda x: x[:, 2] < 0.75 * d, "z", lambda t: p.height * math.sin(math.pi * t / p.duration) if t < p.duration else 0.0
@@ -96,8 +101,8 @@ def carry_out(p: Parameters, recorder: Any, figures: bool) -> None:
             speed, times = outcome.column(f"velocity_{letter}_m_per_s"), outcome.column("time_s")
             free_end = letter == "D"
             arrival = front_time(times, speed, (1.0 if free_end else 0.5) * p.height) - p.duration / 6.0  # half a sine has half its height then
-            wanted = (place - 0.5 * p.spacing) / p.wave_speed
-            recorder.result(f"arrival_{letter}_{name}", arrival, "s", wanted)
+            wanted = (p.length if free_end else place) - 0.5 * p.spacing  # at the free end the mean of the wave and its reflection
+            recorder.result(f"arrival_{letter}_{name}", arrival, "s", wanted / p.wave_speed)
             recorder.result(f"height_{letter}_{name}", speed.max() / p.height, "1", 2.0 if free_end else 1.0)
     if figures:
         draw(p, recorder.outcomes, recorder.folder / "velocities.png")
