@@ -140,8 +140,8 @@ def pull_nodes(state, nodes, elements):
 
 @njit(**STEPS)
 def act_on_nodes(nodes, elements, terms, drive, s, h):
-    """What acts on nodes, booked, from Python."""
-    motion.act(nodes, terms.damping, drive, s, h, 1.0)
+    """`act`, booked, from Python."""
+    act(nodes, elements, elements.inertia, terms.damping, drive, s, h, 1.0)
 
 
 @njit(**STEPS)

@@ -24,11 +24,11 @@ def bar():
 
 
 def wave():
-    """No particle is free: a pulse through elements alone, absorbed at the end."""
+    """No particle is free: a pulse through elements alone, of the higher-order mass, absorbed at the end."""
     lattice = Lattice(packings.simple_cubic(Box((0, 0, 0), (0.004, 0.004, 0.02)), D / 2), D, ROCK)
     lattice.absorb(lambda x: x[:, 2] > 0.0193, "z")
     lattice.traction(lambda x: x[:, 2] < D, (1e4, 0.0, 1e5), lambda t: np.sin(1e6 * t) * (t < 3e-6))
-    return Manifold(lattice, 2, continuum=False)
+    return Manifold(lattice, 2, continuum=False, mass="higher-order")
 
 
 @pytest.mark.parametrize("make, steps", [(bar, 40), (wave, 60)])
