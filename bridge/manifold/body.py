@@ -16,6 +16,7 @@ from bridge.manifold import changes, steps
 from bridge.manifold.criterion import Criterion, Probe
 from bridge.manifold.grid import Grid
 from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
+from bridge.manifold.recoarsening import Recoarsener, Recoarsening
 from bridge.manifold.stiffness import Stiffness
 from continuum import bricks
 from particles.dispatch import Direct
@@ -25,6 +26,7 @@ from particles.lattice.lattice import ahead
 from particles.lattice.state import ABSORBED, BREAKING, BROKEN_BONDS, DAMPING, EXTERNAL, HELD, MOVING_RUNS, SUMS
 
 SAFETY = 0.8
+LOST = ("release_kinetic", "release_strain", "recoarsen_kinetic", "recoarsen_strain")  # energies that changes of elements lose
 CHUNK = 50  # steps between two looks for blow-up
 
 _advance, _evaluate, _elastic = Direct(steps.advance), Direct(steps.evaluate), Direct(steps.elastic)
@@ -51,13 +53,15 @@ class Manifold:
         strain_at: where in an element the criterion is asked: at its "centre" or at its "particles", one of which must meet it.
         margin: elements round one that meets the criterion which are released with it, so that a crack grows inside particles.
         check_every: steps between two looks at the criterion.
+        recoarsen: when released particles become elements again, see `Recoarsening`; never by default.
         step: s; by default 0.8 of the critical one, divided by sqrt(1 + alpha) with local damping.
     """
 
     def __init__(
         self, lattice: Lattice, per_element: int | tuple[int, int, int], free: Where | None = None, manifold: Where | None = None,
         layers: int = 1, cut: str = "particles", continuum: bool = True, faces: str = "continuum", release: Criterion | None = None,
-        strain_at: str = "centre", margin: int = 0, check_every: int = 5, step: float | None = None,
+        strain_at: str = "centre", margin: int = 0, check_every: int = 5, recoarsen: Recoarsening | None = None,
+        step: float | None = None,
     ) -> None:  # fmt: skip
         if lattice.axes != 3:
             raise ValueError("lattice must be cubic: one repeating layer of it is plane strain")
@@ -93,7 +97,7 @@ class Manifold:
         )  # fmt: skip
         self.time, self.released, self.release_log = 0.0, 0, [(0.0, 0)]
         self.first_released = np.empty(0, dtype=np.int64)  # elements of the first release
-        self._lost = {"release_kinetic": 0.0, "release_strain": 0.0}
+        self._lost = dict.fromkeys(LOST, 0.0)
         self.node_mass = np.zeros(n)
         whole = np.flatnonzero(self.kind != PARTICLES)
         self._add_mass(whole, 1.0)
@@ -104,6 +108,7 @@ class Manifold:
         self.step = SAFETY * self.critical_step / damped if step is None else float(step)
         if not (math.isfinite(self.step) and self.step > 0):
             raise ValueError(f"step={step} must be positive (s)")
+        self.recoarsener = None if recoarsen is None else Recoarsener(self, recoarsen)
         self._ready, self._base = False, 0.0
 
     # construction
@@ -116,6 +121,7 @@ class Manifold:
             kind[self.grid.at_faces(full)] = MANIFOLD
         if manifold is not None:
             kind[rows_of(manifold, self.centres)] = MANIFOLD
+        self.coarsest = kind.copy()  # what elements are far from particles
         if free is not None:
             kind[rows_of(free, self.centres)] = PARTICLES
         if cut == "particles":
@@ -225,6 +231,11 @@ class Manifold:
                 particle[:] = np.where(self.lattice.free, np.asarray(values(self.lattice.reference)).T, 0.0)
         self._ready = False
 
+    @property
+    def returned(self) -> int:
+        """Number of returns of released elements so far."""
+        return 0 if self.recoarsener is None else self.recoarsener.returned
+
     def particle_motion(self, rows: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities (n, 3) of particles, all by default; of those in elements by u = N u_e."""
         found = []
@@ -300,6 +311,8 @@ class Manifold:
             lattice.check(self.step)
             if self.criterion is not None:
                 self.release(self.overstrained())
+            if self.recoarsener is not None:
+                self.recoarsener.went_on(now)
 
     def overstrained(self) -> np.ndarray:
         """Elements that the criterion wants released: manifold elements that meet it, and the margin round them."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bridge import output
-from bridge.manifold import PARTICLES, Manifold
+from bridge.manifold import LOST, PARTICLES, Manifold
 from bridge.run import Outcome, Stopwatch, run
 from particles.lattice import Lattice
 
@@ -176,17 +176,16 @@ class Recorder:
 
 def _common(row: dict[str, float]) -> dict[str, float]:
     """A row with the columns that bodies with and without elements share."""
-    return {"release_kinetic_J": 0.0, "release_strain_J": 0.0} | row if "release_kinetic_J" not in row else {
-        "release_kinetic_J": row["release_kinetic_J"], "release_strain_J": row["release_strain_J"],
-        **{name: value for name, value in row.items() if not name.startswith("release_")},
-    }  # fmt: skip
+    lost = {f"{name}_J": row.get(f"{name}_J", 0.0) for name in LOST}
+    return lost | {name: value for name, value in row.items() if name not in lost}
 
 
 def _counts(body: Body, outcome: Outcome) -> dict[str, int]:
     counts = {"particles": int(body.lattice.free.sum()), "sites": body.lattice.count, "fine_steps": outcome.steps}
     if isinstance(body.model, Manifold):
         kinds = np.bincount(body.model.kind, minlength=3)
-        counts |= {"continuum_elements": int(kinds[0]), "manifold_elements": int(kinds[1]), "released": body.model.released}
+        counts |= {"continuum_elements": int(kinds[0]), "manifold_elements": int(kinds[1])}
+        counts |= {"released": body.model.released, "returned": body.model.returned}
     return counts
 
 

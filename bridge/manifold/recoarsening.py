@@ -1,0 +1,222 @@
+"""Particles that have become quiet and intact again are taken back by elements.
+
+No paper has it; the error is that of the fit, and it is booked. The nodes of the elements that come back get the motion q that
+differs least from that of the particles they take over and from their own where they have been there before:
+
+    (sum_j m_j N_j N_j^T + diag(M)) q = sum_j m_j N_j q_j + M q_old
+
+for displacements and velocities alike. The N_j sum to one, so that linear momentum, with masses lumped at the nodes, and the
+centre of mass are kept exactly; they carry linear fields exactly, so that these come back as they were, which shares lumped at the
+nodes would not do. Angular momentum is kept with the consistent mass; masses at the nodes of an element turn with more of it than
+its particles did, as they have more kinetic energy: what a release loses by it, the return gives back.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_array, diags
+from scipy.sparse.linalg import splu
+
+from bridge.manifold.changes import booked, exchange
+from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
+from continuum import bricks
+from particles.lattice.driving import Where, rows_of
+from particles.lattice.state import BROKEN
+
+if TYPE_CHECKING:
+    from bridge.manifold.body import Manifold
+
+
+@dataclass(frozen=True)
+class Recoarsening:
+    """When particles become an element again.
+
+    Args:
+        strain: largest root mean square of what an element would not carry of its particles' motion: of strains, and of
+            velocities over the wave speed. An element then loses about E strain^2 of energy per volume at most.
+        quiet: time for which that must have held, s.
+        share: of the criterion of release; it must not be met by strains of the particles divided by `share`.
+        distance: elements between one that comes back and the nearest broken bond.
+        where: elements that may come back, a region or a function of their centres; those that were elements at the start by
+            default.
+        check_every: steps between two looks.
+    """
+
+    strain: float
+    quiet: float
+    share: float = 0.5
+    distance: int = 2
+    where: Where | None = None
+    check_every: int = 50
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.strain) and self.strain > 0):
+            raise ValueError(f"strain={self.strain} must be positive")
+        if not (math.isfinite(self.quiet) and self.quiet >= 0):
+            raise ValueError(f"quiet={self.quiet} must be 0 or more (s)")
+        if not 0 < self.share < 1:
+            raise ValueError(f"share={self.share} must lie between 0 and 1: below the limit of release, or elements flicker")
+        if self.distance < 1 or self.check_every < 1:
+            raise ValueError(f"distance={self.distance} and check_every={self.check_every} must be at least 1")
+
+
+class Recoarsener:
+    """Looks for elements that come back, and takes them back.
+
+    Args:
+        body: the manifold body, with its first kinds of elements.
+        rule: when they do.
+    """
+
+    def __init__(self, body: Manifold, rule: Recoarsening) -> None:
+        self._body, self.rule = body, rule
+        grid = body.grid
+        full = grid.filling() == np.prod(grid.per_element)
+        self._may = full & (body.kind != PARTICLES)
+        if rule.where is not None:
+            self._may = np.zeros(grid.count, dtype=bool)
+            self._may[rows_of(rule.where, body.centres)] = True
+            self._may &= full
+        nodes = grid.nodes[np.flatnonzero(self._may)[0]] if self._may.any() else np.arange(8)
+        folded = np.zeros((len(body._shape), 8))
+        np.add.at(folded.T, np.unique(nodes, return_inverse=True)[1].reshape(-1), body._shape.T)
+        if np.linalg.matrix_rank(folded) < len(np.unique(nodes)):
+            raise ValueError(
+                f"per_element={tuple(grid.per_element.tolist())} must be at least 2 along axes that do not repeat, "
+                "for elements to come back from the motion of their particles"
+            )
+        self._fit = np.linalg.pinv(body._shape)  # (8, slots): motion of nodes nearest to that of the particles of one element
+        counts = grid.per_element
+        slots = np.stack(np.meshgrid(*(np.arange(m) for m in counts), indexing="ij"), axis=-1).reshape(-1, 3)
+        self._strain = bricks.strain_matrix((slots + 0.5) / counts, body.size)  # (slots, 6, 24)
+        self.since = np.full(grid.count, np.inf)  # time since when an element's particles have been quiet
+        self.steps = 0  # since the last look
+        self.returned = 0
+        self._speed = min(one.wave_speed for one in body.lattice.materials)
+
+    def went_on(self, step_count: int) -> None:
+        """Look, if it is time to, after so many steps."""
+        self.steps += step_count
+        if self.steps < self.rule.check_every:
+            return
+        self.steps = 0
+        body, rule = self._body, self.rule
+        found = self._intact()
+        sites = self._sites(found)
+        quiet = found[self._error(found, sites, self._nearest(sites)) & self._below(sites)]
+        still = np.zeros(body.grid.count, dtype=bool)
+        still[quiet] = True
+        self.since[~still] = np.inf
+        self.since[quiet] = np.minimum(self.since[quiet], body.time)
+        self.take_back(quiet[body.time - self.since[quiet] >= rule.quiet * (1.0 - 1e-12)])
+
+    def _intact(self) -> np.ndarray:
+        """Elements left to particles that may come back and lie far enough from broken bonds."""
+        body = self._body
+        found = self._may & (body.kind == PARTICLES)
+        if not found.any():
+            return np.flatnonzero(found)
+        broken = np.unique(body.grid.element[np.any(body.lattice._state.bonds & BROKEN, axis=1)])
+        for _ in range(self.rule.distance if len(broken) else 0):
+            broken = body.grid.around(broken)
+        found[broken] = False
+        return np.flatnonzero(found)
+
+    def _sites(self, elements: np.ndarray) -> np.ndarray:
+        """Rows (elements, slots) of the particles of full elements."""
+        grid = self._body.grid
+        sites = grid.sites_of(elements)
+        order = np.lexsort((grid.slot[sites], grid.element[sites]))
+        return sites[order].reshape(len(elements), len(self._strain))
+
+    def _nearest(self, sites: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities (elements, 8, 3) of the nodes of each element alone that carry its particles best."""
+        state = self._body.lattice._state
+        return tuple(np.einsum("cs,aes->eca", self._fit, own[:, sites]) for own in (state.displacement, state.velocity))
+
+    def _error(self, elements: np.ndarray, sites: np.ndarray, motion: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        """Which elements (elements,) carry their particles well enough by a motion of their nodes."""
+        state = self._body.lattice._state
+        displacement, velocity = motion
+        strain = np.einsum("src,ec->res", self._strain, displacement.reshape(len(elements), 24)) - state.strain[:, sites]
+        square = (strain[:3] ** 2).sum(axis=0) + 2.0 * (strain[3:] ** 2).sum(axis=0)
+        left = np.einsum("sc,eca->aes", self._body._shape, velocity) - state.velocity[:, sites]
+        speed = (left**2).sum(axis=0)
+        most = self.rule.strain**2
+        return (square.mean(axis=1) <= most) & (speed.mean(axis=1) <= most * self._speed**2)
+
+    def _below(self, sites: np.ndarray) -> np.ndarray:
+        """Elements (elements,) in which no particle comes near the criterion of release."""
+        criterion, strain = self._body.criterion, self._body.lattice._state.strain
+        if criterion is None or not sites.size:
+            return np.ones(len(sites), dtype=bool)
+        met = np.asarray(criterion(strain[:, sites.ravel()].T / self.rule.share), dtype=bool)
+        return ~met.reshape(sites.shape).any(axis=1)
+
+    def take_back(self, elements: np.ndarray) -> np.ndarray:
+        """Make manifold elements of those elements that carry their particles well enough, their neighbours considered.
+
+        What the kinetic and strain energy lose is booked as `recoarsen_kinetic` and `recoarsen_strain`. Manifold elements that
+        are left without particles near go back to what they were at the start.
+
+        Returns:
+            Those that have come back.
+        """
+        body, grid = self._body, self._body.grid
+        body.prepare()  # strains of now
+        elements = np.asarray(elements, dtype=np.int64)
+        while len(elements):
+            sites = self._sites(elements)
+            nodes, motion = self._common(elements, sites)
+            where = np.searchsorted(nodes, grid.nodes[elements])
+            fits = self._error(elements, sites, (motion[0][where], motion[1][where]))
+            if fits.all():
+                break
+            self.since[elements[~fits]] = np.inf
+            elements = elements[fits]
+        if not len(elements):
+            return elements
+        with booked(body, "recoarsen"):
+            for nodal, found in zip((body._nodes.displacement, body._nodes.velocity), motion):
+                nodal[:, nodes] = found.T
+            body._add_mass(elements, 1.0)
+            body.kind[elements] = MANIFOLD
+            body.lattice._state.velocity[:, sites] = 0.0  # they are the nodes' from now on
+            exchange(body, elements, self._coarsen())
+            self.since[elements] = np.inf
+            self.returned += len(elements)
+        return elements
+
+    def _common(self, elements: np.ndarray, sites: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        """Nodes (k,) of elements, sorted, and the displacements and velocities (k, 3) that carry all their particles best."""
+        body, state = self._body, self._body.lattice._state
+        nodes, where = np.unique(body.grid.nodes[elements], return_inverse=True)
+        where = where.reshape(len(elements), 8)
+        mass = body.lattice.mass[sites]
+        shape, own = body._shape, body.node_mass[nodes]
+        blocks = np.einsum("es,sc,sd->ecd", mass, shape, shape)
+        rows, columns = np.broadcast_arrays(where[:, :, None], where[:, None, :])
+        matrix = coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(len(nodes),) * 2).tocsc()
+        solver = splu((matrix + diags(own)).tocsc())
+        found = []
+        for fine, coarse in ((state.displacement, body._nodes.displacement), (state.velocity, body._nodes.velocity)):
+            wanted = own[:, None] * coarse[:, nodes].T
+            shares = np.einsum("es,sc,aes->eca", mass, shape, fine[:, sites])
+            np.add.at(wanted, where.ravel(), shares.reshape(-1, 3))
+            found.append(solver.solve(wanted))
+        return nodes, (found[0], found[1])
+
+    def _coarsen(self) -> np.ndarray:
+        """Let manifold elements far from particles be continuum again, where they were at the start; returns those."""
+        body = self._body
+        kept = np.flatnonzero(body.kind == PARTICLES)
+        for _ in range(max(body.layers, 1)):
+            kept = body.grid.around(kept)
+        inner = (body.kind == MANIFOLD) & (body.coarsest == CONTINUUM)
+        inner[kept] = False
+        body.kind[inner] = CONTINUUM
+        return np.flatnonzero(inner)
