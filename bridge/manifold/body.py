@@ -2,7 +2,7 @@
 
 The body is the lattice that its particles would form. A regular mesh groups the sites in elements. Some elements are left to
 free particles; round them lie layers of manifold elements, whose stiffness comes from their lattice bonds; all others are
-ordinary Hex8 of the material. Elements can be released: their particles become free while the run goes on.
+ordinary elements (Hex8, in the plane Q4) of the material. Elements can be released: their particles become free while the run goes on.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from bridge.manifold import changes, steps
 from bridge.manifold.criterion import Criterion, Probe
 from bridge.manifold.grid import Grid
 from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
+from bridge.manifold.raster import Raster
 from bridge.manifold.recoarsening import Recoarsener, Recoarsening
 from bridge.manifold.stiffness import Stiffness
 from continuum import bricks
@@ -33,11 +34,12 @@ _advance, _evaluate, _elastic = Direct(steps.advance), Direct(steps.evaluate), D
 
 
 class Manifold:
-    """Particles where they matter, elements elsewhere; a cubic `Lattice` with elements over it.
+    """Particles where they matter, elements elsewhere; a `Lattice` with elements over it: Hex8 in space, Q4 in the plane.
 
     Args:
-        lattice: 3D Lattice, at rest or moving; it is what the free particles are, its loads and holds act on elements, too.
-        per_element: sites along the edge of an element, one number or one an axis (1 along an axis that repeats after one layer).
+        lattice: cubic or, in the plane, hexagonal Lattice that has not moved; it is what the free particles are, its loads and holds act on elements, too.
+        per_element: sites along the edge of an element, one number or one an axis (1 along an axis that repeats after one layer). Over
+            the hexagonal lattice spacings along a row and double rows, by one number nearly square ones.
         free: where elements are left to particles from the start: a region, or a function of points, of element centres;
             None for nowhere.
         manifold: where elements are manifold elements from the start, beside the layers: a region or a function of element centres.
@@ -63,31 +65,28 @@ class Manifold:
         strain_at: str = "centre", margin: int = 0, check_every: int = 5, recoarsen: Recoarsening | None = None,
         step: float | None = None,
     ) -> None:  # fmt: skip
-        if lattice.axes != 3:
-            raise ValueError("lattice must be cubic: one repeating layer of it is plane strain")
         if lattice.time > 0.0:
             raise ValueError(f"lattice.time={lattice.time:g} must be 0: elements are laid over a lattice before it moves")
         if cut not in ("particles", "manifold"):
             raise ValueError(f'cut="{cut}" must be "particles" or "manifold"')
         if faces not in ("continuum", "manifold"):
             raise ValueError(f'faces="{faces}" must be "continuum" or "manifold"')
-        count = np.broadcast_to(np.asarray(per_element, dtype=np.int64), 3).copy()
-        if np.any(count < 1):
-            raise ValueError(f"per_element={per_element} must be at least 1")
+        raster = Raster(lattice)
+        count, axes = raster.cells(per_element), lattice.axes
         if layers < 0 or check_every < 1 or margin < 0:
             raise ValueError(f"layers={layers} and margin={margin} must be at least 0 and check_every={check_every} at least 1")
         self.lattice, self.layers, self.criterion, self.margin, self.check_every = lattice, layers, release, margin, check_every
-        self.grid = Grid(lattice.places, np.zeros(3, dtype=np.int64), count, lattice.periodic)
-        self.size = count * lattice.spacing
-        zero = lattice.reference[0] - lattice.places[0] * lattice.spacing  # of place (0, 0, 0)
-        corner = zero - 0.5 * lattice.spacing + self.grid.lower * self.size
-        self.node_reference = corner + self.grid.node_places * self.size
-        self.centres = corner + (self.grid.cells + 0.5) * self.size
+        self.grid = Grid(raster, count, lattice.periodic)
+        self.size = (count * raster.pitch)[:axes]
+        corner = lattice.reference[0] - ((raster.places[0] + 0.5) * raster.pitch)[:axes]
+        self.node_reference = corner + self.grid.node_places[:, :axes] * self.size
+        self.centres = corner + (self.grid.cells[:, :axes] + 0.5) * self.size
         slots = np.stack(np.meshgrid(*(np.arange(m) for m in count), indexing="ij"), axis=-1).reshape(-1, 3)
-        self._shape = bricks.shape_functions((slots + 0.5) / count)
-        self._centres, self._probe = (Probe(place, count, self.size) for place in ("centre", strain_at))
+        self.slots = ((slots + 0.5) / count)[:, :axes]
+        self._shape = bricks.shape_functions(self.slots)
+        self._centres, self._probe = (Probe(place, count[:axes], self.size) for place in ("centre", strain_at))
         self.kind = self._first_kinds(free, manifold, cut, continuum, faces)
-        self._stiffness = Stiffness(lattice, self.grid, self.size, self._shape)
+        self._stiffness = Stiffness(lattice, self.grid, raster, self._shape)
         self._holds: list[tuple[np.ndarray, str, History]] = []
         self._nodal = Driving(self.node_reference)
         n = len(self.node_reference)
@@ -108,7 +107,7 @@ class Manifold:
         self.step = SAFETY * self.critical_step / damped if step is None else float(step)
         if not (math.isfinite(self.step) and self.step > 0):
             raise ValueError(f"step={step} must be positive (s)")
-        self.recoarsener = None if recoarsen is None else Recoarsener(self, recoarsen)
+        self.recoarsener = None if recoarsen is None else Recoarsener(self, recoarsen, per_element)
         self._ready, self._base = False, 0.0
 
     # construction
@@ -132,7 +131,7 @@ class Manifold:
     def _plain(self) -> tuple[np.ndarray, np.ndarray]:
         """Elements (n,) bool that are full, and those that are full and of one material, as continuum elements must be."""
         element, layer = self.grid.element, self.lattice.layer
-        full = self.grid.filling() == np.prod(self.grid.per_element)
+        full = self.grid.full()
         low, high = np.full(self.grid.count, 255), np.zeros(self.grid.count, dtype=np.int64)
         np.minimum.at(low, element, layer)
         np.maximum.at(high, element, layer)
@@ -179,9 +178,10 @@ class Manifold:
         nodes.moving_runs[: len(runs)] = np.column_stack((runs[:, 0], runs[:, 1] - runs[:, 0]))
         nodes.counts[MOVING_RUNS] = len(runs)
         rows = np.flatnonzero(self.lattice.needed).astype(np.int32)
+        corners = self.grid.nodes.shape[1]
         self._elements = steps.Elements(
-            self.grid.nodes, self._stiffness.number, self._stiffness.matrices, active,
-            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, np.zeros(48),
+            tuple(range(self.lattice.axes)), tuple(range(corners)), self.grid.nodes, self._stiffness.number, self._stiffness.matrices, active,
+            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, np.zeros(self.lattice.axes * corners),
         )  # fmt: skip
 
     def _arrange_driving(self) -> None:
@@ -212,23 +212,24 @@ class Manifold:
 
     @property
     def displacement(self) -> np.ndarray:
-        """Of the nodes, (nodes, 3) in m; a view, to be written in place."""
-        return self._nodes.displacement.T
+        """Of the nodes, (nodes, axes) in m; a view, to be written in place."""
+        return self._nodes.displacement[: self.lattice.axes].T
 
     @property
     def velocity(self) -> np.ndarray:
-        """Of the nodes, (nodes, 3) in m/s; a view, to be written in place."""
-        return self._nodes.velocity.T
+        """Of the nodes, (nodes, axes) in m/s; a view, to be written in place."""
+        return self._nodes.velocity[: self.lattice.axes].T
 
     def set_motion(self, displacement: Any = None, velocity: Any = None) -> None:
-        """Set displacements and velocities of nodes and particles by functions of points (n, 3) that give (n, 3)."""
+        """Set displacements and velocities of nodes and particles by functions of points (n, axes) that give (n, axes)."""
+        axes = self.lattice.axes
         for values, nodal, particle in (
             (displacement, self._nodes.displacement, self.lattice._state.displacement),
             (velocity, self._nodes.velocity, self.lattice._state.velocity),
         ):
             if values is not None:
-                nodal[:] = np.where(self.alive, np.asarray(values(self.node_reference)).T, 0.0)
-                particle[:] = np.where(self.lattice.free, np.asarray(values(self.lattice.reference)).T, 0.0)
+                nodal[:axes] = np.where(self.alive, np.asarray(values(self.node_reference)).T, 0.0)
+                particle[:axes] = np.where(self.lattice.free, np.asarray(values(self.lattice.reference)).T, 0.0)
         self._ready = False
 
     @property
@@ -237,27 +238,28 @@ class Manifold:
         return 0 if self.recoarsener is None else self.recoarsener.returned
 
     def particle_motion(self, rows: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements and velocities (n, 3) of particles, all by default; of those in elements by u = N u_e."""
-        found = []
+        """Displacements and velocities (n, axes) of particles, all by default; of those in elements by u = N u_e."""
+        found, axes = [], self.lattice.axes
         shape, nodes = self._shape[self.grid.slot[rows]], self.grid.nodes[self.grid.element[rows]]
         for nodal, own in (
             (self._nodes.displacement, self.lattice._state.displacement), (self._nodes.velocity, self.lattice._state.velocity),
         ):  # fmt: skip
-            inner = np.einsum("nc,nca->na", shape, nodal.T[nodes])
-            found.append(np.where(self.lattice.free[rows, None], own.T[rows], inner))
+            inner = np.einsum("nc,nca->na", shape, nodal[:axes].T[nodes])
+            found.append(np.where(self.lattice.free[rows, None], own[:axes].T[rows], inner))
         return found[0], found[1]
 
     def momentum(self) -> np.ndarray:
-        """(3,) in N s."""
+        """(axes,) in N s."""
         state = self.lattice._state
-        return self._nodes.velocity @ self.node_mass + (state.velocity * self.lattice.free) @ self.lattice.mass
+        total = self._nodes.velocity @ self.node_mass + (state.velocity * self.lattice.free) @ self.lattice.mass
+        return total[: self.lattice.axes]
 
     def element_strain(self, elements: np.ndarray) -> np.ndarray:
         """Strains (k, 6) at the centres of elements: xx, yy, zz, yz, xz, xy."""
         return self._centres.strains(self._nodes, self._elements, elements)[0]
 
     def internal_force(self, where: Where) -> np.ndarray:
-        """Sum (3,) of the forces of bonds and elements on the nodes and free particles `where`, N; some of each must be named."""
+        """Sum (axes,) of the forces of bonds and elements on the nodes and free particles `where`, N; some of each must be named."""
         state, nodes = self.lattice._state, self._nodes
         kept = state.force.copy(), nodes.force.copy()
         _elastic(state, self.lattice._terms, nodes, self._elements)
@@ -269,7 +271,7 @@ class Manifold:
             chosen[rows_of(where, points)] = True
             total += force[:, chosen & there].sum(axis=1)
         state.force[:], nodes.force[:] = kept
-        return total
+        return total[: self.lattice.axes]
 
     def hold(self, where: Where, directions: str, velocity: History = 0.0) -> None:
         """Move components of the nodes and of the particles `where` with a velocity (m/s); a later call wins.

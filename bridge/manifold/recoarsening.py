@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import coo_array, diags
@@ -70,29 +70,31 @@ class Recoarsener:
     Args:
         body: the manifold body, with its first kinds of elements.
         rule: when they do.
+        per_element: sites along the edge of an element, as the body was told.
     """
 
-    def __init__(self, body: Manifold, rule: Recoarsening) -> None:
+    def __init__(self, body: Manifold, rule: Recoarsening, per_element: Any) -> None:
         self._body, self.rule = body, rule
         grid = body.grid
-        full = grid.filling() == np.prod(grid.per_element)
+        full = grid.full()
         self._may = full & (body.kind != PARTICLES)
         if rule.where is not None:
             self._may = np.zeros(grid.count, dtype=bool)
             self._may[rows_of(rule.where, body.centres)] = True
             self._may &= full
-        nodes = grid.nodes[np.flatnonzero(self._may)[0]] if self._may.any() else np.arange(8)
-        folded = np.zeros((len(body._shape), 8))
-        np.add.at(folded.T, np.unique(nodes, return_inverse=True)[1].reshape(-1), body._shape.T)
+        slots = np.unique(grid.slot)
+        self._shape = body._shape[slots]
+        corners = self._shape.shape[1]
+        nodes = grid.nodes[np.flatnonzero(self._may)[0]] if self._may.any() else np.arange(corners)
+        folded = np.zeros((len(slots), corners))
+        np.add.at(folded.T, np.unique(nodes, return_inverse=True)[1].reshape(-1), self._shape.T)
         if np.linalg.matrix_rank(folded) < len(np.unique(nodes)):
             raise ValueError(
-                f"per_element={tuple(grid.per_element.tolist())} must be at least 2 along axes that do not repeat, "
-                "for elements to come back from the motion of their particles"
+                f"per_element={per_element} must be at least 2 along axes that do not repeat, for elements to come back from the "
+                "motion of their particles"
             )
-        self._fit = np.linalg.pinv(body._shape)  # (8, slots): motion of nodes nearest to that of the particles of one element
-        counts = grid.per_element
-        slots = np.stack(np.meshgrid(*(np.arange(m) for m in counts), indexing="ij"), axis=-1).reshape(-1, 3)
-        self._strain = bricks.strain_matrix((slots + 0.5) / counts, body.size)  # (slots, 6, 24)
+        self._fit = np.linalg.pinv(self._shape)  # (corners, slots): motion of nodes nearest to that of the particles of one element
+        self._strain = bricks.strain_matrix(body.slots[slots], body.size)  # (slots, 6, dofs)
         self.since = np.full(grid.count, np.inf)  # time since when an element's particles have been quiet
         self.steps = 0  # since the last look
         self.returned = 0
@@ -134,17 +136,19 @@ class Recoarsener:
         return sites[order].reshape(len(elements), len(self._strain))
 
     def _nearest(self, sites: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements and velocities (elements, 8, 3) of the nodes of each element alone that carry its particles best."""
-        state = self._body.lattice._state
-        return tuple(np.einsum("cs,aes->eca", self._fit, own[:, sites]) for own in (state.displacement, state.velocity))
+        """Displacements and velocities (elements, corners, axes) of the nodes of each element alone that carry its particles best."""
+        state, axes = self._body.lattice._state, self._body.lattice.axes
+        found = [np.einsum("cs,aes->eca", self._fit, own[:axes, sites]) for own in (state.displacement, state.velocity)]
+        return found[0], found[1]
 
     def _error(self, elements: np.ndarray, sites: np.ndarray, motion: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
         """Which elements (elements,) carry their particles well enough by a motion of their nodes."""
-        state = self._body.lattice._state
+        state, axes = self._body.lattice._state, self._body.lattice.axes
         displacement, velocity = motion
-        strain = np.einsum("src,ec->res", self._strain, displacement.reshape(len(elements), 24)) - state.strain[:, sites]
+        nodal = displacement.reshape(len(elements), self._strain.shape[2])
+        strain = np.einsum("src,ec->res", self._strain, nodal) - state.strain[:, sites]
         square = (strain[:3] ** 2).sum(axis=0) + 2.0 * (strain[3:] ** 2).sum(axis=0)
-        left = np.einsum("sc,eca->aes", self._body._shape, velocity) - state.velocity[:, sites]
+        left = np.einsum("sc,eca->aes", self._shape, velocity) - state.velocity[:axes, sites]
         speed = (left**2).sum(axis=0)
         most = self.rule.strain**2
         return (square.mean(axis=1) <= most) & (speed.mean(axis=1) <= most * self._speed**2)
@@ -158,7 +162,7 @@ class Recoarsener:
         return ~met.reshape(sites.shape).any(axis=1)
 
     def take_back(self, elements: np.ndarray) -> np.ndarray:
-        """Make manifold elements of those elements that carry their particles well enough, their neighbours considered.
+        """Make manifold elements of those left to particles that carry their particles well enough, their neighbours considered.
 
         What the kinetic and strain energy lose is booked as `recoarsen_kinetic` and `recoarsen_strain`. Manifold elements that
         are left without particles near go back to what they were at the start.
@@ -168,7 +172,8 @@ class Recoarsener:
         """
         body, grid = self._body, self._body.grid
         body.prepare()  # strains of now
-        elements = np.asarray(elements, dtype=np.int64)
+        elements = np.unique(np.asarray(elements, dtype=np.int64))
+        elements = elements[self._may[elements] & (body.kind[elements] == PARTICLES)]
         while len(elements):
             sites = self._sites(elements)
             nodes, motion = self._common(elements, sites)
@@ -182,31 +187,32 @@ class Recoarsener:
             return elements
         with booked(body, "recoarsen"):
             for nodal, found in zip((body._nodes.displacement, body._nodes.velocity), motion):
-                nodal[:, nodes] = found.T
+                nodal[: body.lattice.axes, nodes] = found.T
             body._add_mass(elements, 1.0)
             body.kind[elements] = MANIFOLD
-            body.lattice._state.velocity[:, sites] = 0.0  # they are the nodes' from now on
+            for own in (body.lattice._state.velocity, body.lattice._state.force):
+                own[:, sites] = 0.0  # they are the nodes' from now on
             exchange(body, elements, self._coarsen())
             self.since[elements] = np.inf
             self.returned += len(elements)
         return elements
 
     def _common(self, elements: np.ndarray, sites: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """Nodes (k,) of elements, sorted, and the displacements and velocities (k, 3) that carry all their particles best."""
-        body, state = self._body, self._body.lattice._state
+        """Nodes (k,) of elements, sorted, and the displacements and velocities (k, axes) that carry all their particles best."""
+        body, state, axes = self._body, self._body.lattice._state, self._body.lattice.axes
         nodes, where = np.unique(body.grid.nodes[elements], return_inverse=True)
-        where = where.reshape(len(elements), 8)
+        where = where.reshape(len(elements), -1)
         mass = body.lattice.mass[sites]
-        shape, own = body._shape, body.node_mass[nodes]
+        shape, own = self._shape, body.node_mass[nodes]
         blocks = np.einsum("es,sc,sd->ecd", mass, shape, shape)
         rows, columns = np.broadcast_arrays(where[:, :, None], where[:, None, :])
         matrix = coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(len(nodes),) * 2).tocsc()
         solver = splu((matrix + diags(own)).tocsc())
         found = []
         for fine, coarse in ((state.displacement, body._nodes.displacement), (state.velocity, body._nodes.velocity)):
-            wanted = own[:, None] * coarse[:, nodes].T
-            shares = np.einsum("es,sc,aes->eca", mass, shape, fine[:, sites])
-            np.add.at(wanted, where.ravel(), shares.reshape(-1, 3))
+            wanted = own[:, None] * coarse[:axes, nodes].T
+            shares = np.einsum("es,sc,aes->eca", mass, shape, fine[:axes, sites])
+            np.add.at(wanted, where.ravel(), shares.reshape(-1, axes))
             found.append(solver.solve(wanted))
         return nodes, (found[0], found[1])
 

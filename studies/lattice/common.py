@@ -17,7 +17,7 @@ from bridge.manifold import LOST, PARTICLES, Manifold
 from bridge.run import Outcome, Stopwatch, run
 from particles.lattice import Lattice
 
-HEXAHEDRON = [0, 1, 3, 2, 4, 5, 7, 6]  # nodes of an element as VTK wants them
+CELLS = {8: ("hexahedron", [0, 1, 3, 2, 4, 5, 7, 6]), 4: ("quad", [0, 1, 3, 2])}  # nodes of an element as VTK wants them
 SERIES = ("particles", "elements")
 
 
@@ -204,9 +204,10 @@ def write_fields(body: Body, folder: Path, name: str) -> None:
     if isinstance(model, Manifold):
         there = np.flatnonzero(model.kind != PARTICLES)
         if len(there):
-            cells = model.grid.nodes[there][:, HEXAHEDRON]
+            shape, order = CELLS[model.grid.nodes.shape[1]]
+            cells = model.grid.nodes[there][:, order]
             output.Series(folder, f"{name}_elements").write(
-                body.time, model.node_reference, ("hexahedron", cells), {"displacement": model.displacement, "velocity": model.velocity},
+                body.time, model.node_reference, (shape, cells), {"displacement": model.displacement, "velocity": model.velocity},
                 {"kind": model.kind[there].astype(float)},
             )  # fmt: skip
 
