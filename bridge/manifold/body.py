@@ -2,7 +2,7 @@
 
 The body is the lattice that its particles would form. A regular mesh groups the sites in elements. Some elements are left to
 free particles; round them lie layers of manifold elements, whose stiffness comes from their lattice bonds; all others are
-ordinary Hex8 of the material. Elements can be released: their particles become free while the run goes on.
+ordinary elements (Hex8, in the plane Q4) of the material. Elements can be released: their particles become free while the run goes on.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from bridge.manifold.grid import Grid
 from bridge.manifold.inertia import heavier, inertia_of, step_factor
 from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
 from bridge.manifold.part import ManifoldPart
+from bridge.manifold.raster import Raster
+from bridge.manifold.recoarsening import Recoarsener, Recoarsening
 from bridge.manifold.stiffness import Stiffness
 from continuum import bricks
 from particles.dispatch import Direct
@@ -28,6 +30,7 @@ from particles.lattice.part import Parts
 from particles.lattice.state import ABSORBED, BREAKING, BROKEN_BONDS, DAMPING, EXTERNAL, HELD, MOVING_RUNS, SUMS, Drive
 
 SAFETY = 0.8
+LOST = ("release_kinetic", "release_strain", "recoarsen_kinetic", "recoarsen_strain")  # energies that changes of elements lose
 CHUNK = 50  # steps between two looks for blow-up
 
 _advance, _evaluate, _elastic = Direct(steps.advance), Direct(steps.evaluate), Direct(steps.elastic)
@@ -35,11 +38,12 @@ _heavier = Direct(heavier)
 
 
 class Manifold:
-    """Particles where they matter, elements elsewhere; a cubic `Lattice` with elements over it.
+    """Particles where they matter, elements elsewhere; a `Lattice` with elements over it: Hex8 in space, Q4 in the plane.
 
     Args:
-        lattice: 3D Lattice, at rest or moving; it is what the free particles are, its loads and holds act on elements, too.
-        per_element: sites along the edge of an element, one number or one an axis (1 along an axis that repeats after one layer).
+        lattice: cubic or, in the plane, hexagonal Lattice that has not moved; it is what the free particles are, its loads and holds act on elements, too.
+        per_element: sites along the edge of an element, one number or one an axis (1 along an axis that repeats after one layer). Over
+            the hexagonal lattice spacings along a row and double rows, by one number nearly square ones.
         free: where elements are left to particles from the start: a region, or a function of points, of element centres;
             None for nowhere.
         manifold: where elements are manifold elements from the start, beside the layers: a region or a function of element centres.
@@ -57,16 +61,16 @@ class Manifold:
         check_every: steps between two looks at the criterion.
         mass: "lumped", or "higher-order" (see `bridge.manifold.inertia`): waves that are a few elements long keep their speed, for
             one product of elements more a step; not with local damping.
+        recoarsen: when released particles become elements again, see `Recoarsening`; never by default.
         step: s; by default 0.8 of the critical one, divided by sqrt(1 + alpha) with local damping.
     """
 
     def __init__(
         self, lattice: Lattice, per_element: int | tuple[int, int, int], free: Where | None = None, manifold: Where | None = None,
         layers: int = 1, cut: str = "particles", continuum: bool = True, faces: str = "continuum", release: Criterion | None = None,
-        strain_at: str = "centre", margin: int = 0, check_every: int = 5, mass: str = "lumped", step: float | None = None,
+        strain_at: str = "centre", margin: int = 0, check_every: int = 5, recoarsen: Recoarsening | None = None, mass: str = "lumped",
+        step: float | None = None,
     ) -> None:  # fmt: skip
-        if lattice.axes != 3:
-            raise ValueError("lattice must be cubic: one repeating layer of it is plane strain")
         if lattice.time > 0.0:
             raise ValueError(f"lattice.time={lattice.time:g} must be 0: elements are laid over a lattice before it moves")
         if cut not in ("particles", "manifold"):
@@ -77,23 +81,22 @@ class Manifold:
             raise ValueError(f'mass="{mass}" must be "lumped" or "higher-order"')
         if mass != "lumped" and lattice._terms.damping:
             raise ValueError(f'mass="{mass}" is for waves; with local_damping={lattice._terms.damping:g} take mass="lumped"')
-        count = np.broadcast_to(np.asarray(per_element, dtype=np.int64), 3).copy()
-        if np.any(count < 1):
-            raise ValueError(f"per_element={per_element} must be at least 1")
+        raster = Raster(lattice)
+        count, axes = raster.cells(per_element), lattice.axes
         if layers < 0 or check_every < 1 or margin < 0:
             raise ValueError(f"layers={layers} and margin={margin} must be at least 0 and check_every={check_every} at least 1")
         self.lattice, self.layers, self.criterion, self.margin, self.check_every = lattice, layers, release, margin, check_every
-        self.grid = Grid(lattice.places, np.zeros(3, dtype=np.int64), count, lattice.periodic)
-        self.size = count * lattice.spacing
-        zero = lattice.reference[0] - lattice.places[0] * lattice.spacing  # of place (0, 0, 0)
-        corner = zero - 0.5 * lattice.spacing + self.grid.lower * self.size
-        self.node_reference = corner + self.grid.node_places * self.size
-        self.centres = corner + (self.grid.cells + 0.5) * self.size
+        self.grid = Grid(raster, count, lattice.periodic)
+        self.size = (count * raster.pitch)[:axes]
+        corner = lattice.reference[0] - ((raster.places[0] + 0.5) * raster.pitch)[:axes]
+        self.node_reference = corner + self.grid.node_places[:, :axes] * self.size
+        self.centres = corner + (self.grid.cells[:, :axes] + 0.5) * self.size
         slots = np.stack(np.meshgrid(*(np.arange(m) for m in count), indexing="ij"), axis=-1).reshape(-1, 3)
-        self._shape = bricks.shape_functions((slots + 0.5) / count)
-        self._centres, self._probe = (Probe(place, count, self.size) for place in ("centre", strain_at))
+        self.slots = ((slots + 0.5) / count)[:, :axes]
+        self._shape = bricks.shape_functions(self.slots)
+        self._centres, self._probe = (Probe(place, count[:axes], self.size) for place in ("centre", strain_at))
         self.kind = self._first_kinds(free, manifold, cut, continuum, faces)
-        self._stiffness = Stiffness(lattice, self.grid, self.size, self._shape)
+        self._stiffness = Stiffness(lattice, self.grid, raster, self._shape)
         self._holds: list[tuple[np.ndarray, str, History]] = []
         self._nodal = Driving(self.node_reference)
         n = len(self.node_reference)
@@ -103,7 +106,7 @@ class Manifold:
         )  # fmt: skip
         self.time, self.released, self.release_log = 0.0, 0, [(0.0, 0)]
         self.first_released = np.empty(0, dtype=np.int64)  # elements of the first release
-        self._lost = {"release_kinetic": 0.0, "release_strain": 0.0}
+        self._lost = dict.fromkeys(LOST, 0.0)
         self.node_mass = np.zeros(n)
         whole = np.flatnonzero(self.kind != PARTICLES)
         self._add_mass(whole, 1.0)
@@ -115,6 +118,7 @@ class Manifold:
         self.step = SAFETY * self.critical_step / damped if step is None else float(step)
         if not (math.isfinite(self.step) and self.step > 0):
             raise ValueError(f"step={step} must be positive (s)")
+        self.recoarsener = None if recoarsen is None else Recoarsener(self, recoarsen, per_element)
         self._ready, self._base = False, 0.0
         self._parts: Parts | None = None
 
@@ -128,6 +132,7 @@ class Manifold:
             kind[self.grid.at_faces(full)] = MANIFOLD
         if manifold is not None:
             kind[rows_of(manifold, self.centres)] = MANIFOLD
+        self.coarsest = kind.copy()  # what elements are far from particles
         if free is not None:
             kind[rows_of(free, self.centres)] = PARTICLES
         if cut == "particles":
@@ -138,7 +143,7 @@ class Manifold:
     def _plain(self) -> tuple[np.ndarray, np.ndarray]:
         """Elements (n,) bool that are full, and those that are full and of one material, as continuum elements must be."""
         element, layer = self.grid.element, self.lattice.layer
-        full = self.grid.filling() == np.prod(self.grid.per_element)
+        full = self.grid.full()
         low, high = np.full(self.grid.count, 255), np.zeros(self.grid.count, dtype=np.int64)
         np.minimum.at(low, element, layer)
         np.maximum.at(high, element, layer)
@@ -159,7 +164,7 @@ class Manifold:
     def _shares(self, elements: np.ndarray) -> np.ndarray:
         """Masses (elements, 8) in kg that the particles of elements give to their nodes, sum of m_j N(X_j) (eq 27)."""
         sites = self.grid.sites_of(elements)
-        found = np.zeros((self.grid.count, 8))
+        found = np.zeros(self.grid.nodes.shape)
         np.add.at(found, self.grid.element[sites], self.lattice.mass[sites, None] * self._shape[self.grid.slot[sites]])
         return found[elements]
 
@@ -171,7 +176,7 @@ class Manifold:
         """The smaller one of the lattice's, where particles are or may come, and the bound of the elements, 2 / max omega_e."""
         stiffest = self._stiffness.stiffest
         found = 2.0 / math.sqrt(stiffest) if stiffest > 0.0 else math.inf
-        found *= step_factor() if self._inertia is not None else 1.0
+        found *= step_factor(self.lattice.axes) if self._inertia is not None else 1.0
         needs_particles = self.criterion is not None or bool((self.kind == PARTICLES).any())
         return min(found, self.lattice.critical_step) if needs_particles else found
 
@@ -191,9 +196,10 @@ class Manifold:
         nodes.moving_runs[: len(runs)] = np.column_stack((runs[:, 0], runs[:, 1] - runs[:, 0]))
         nodes.counts[MOVING_RUNS] = len(runs)
         rows = np.flatnonzero(self.lattice.needed).astype(np.int32)
+        corners = self.grid.nodes.shape[1]
         self._elements = steps.Elements(
-            self.grid.nodes, self._stiffness.number, self._stiffness.matrices, active,
-            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, np.zeros(48), self._inertia,
+            tuple(range(self.lattice.axes)), tuple(range(corners)), self.grid.nodes, self._stiffness.number, self._stiffness.matrices, active,
+            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, np.zeros(self.lattice.axes * corners), self._inertia,
         )  # fmt: skip
 
     def _arrange_driving(self) -> None:
@@ -224,47 +230,54 @@ class Manifold:
 
     @property
     def displacement(self) -> np.ndarray:
-        """Of the nodes, (nodes, 3) in m; a view, to be written in place."""
-        return self._nodes.displacement.T
+        """Of the nodes, (nodes, axes) in m; a view, to be written in place."""
+        return self._nodes.displacement[: self.lattice.axes].T
 
     @property
     def velocity(self) -> np.ndarray:
-        """Of the nodes, (nodes, 3) in m/s; a view, to be written in place."""
-        return self._nodes.velocity.T
+        """Of the nodes, (nodes, axes) in m/s; a view, to be written in place."""
+        return self._nodes.velocity[: self.lattice.axes].T
 
     def set_motion(self, displacement: Any = None, velocity: Any = None) -> None:
-        """Set displacements and velocities of nodes and particles by functions of points (n, 3) that give (n, 3)."""
+        """Set displacements and velocities of nodes and particles by functions of points (n, axes) that give (n, axes)."""
+        axes = self.lattice.axes
         for values, nodal, particle in (
             (displacement, self._nodes.displacement, self.lattice._state.displacement),
             (velocity, self._nodes.velocity, self.lattice._state.velocity),
         ):
             if values is not None:
-                nodal[:] = np.where(self.alive, np.asarray(values(self.node_reference)).T, 0.0)
-                particle[:] = np.where(self.lattice.free, np.asarray(values(self.lattice.reference)).T, 0.0)
+                nodal[:axes] = np.where(self.alive, np.asarray(values(self.node_reference)).T, 0.0)
+                particle[:axes] = np.where(self.lattice.free, np.asarray(values(self.lattice.reference)).T, 0.0)
         self._ready = False
 
+    @property
+    def returned(self) -> int:
+        """Number of returns of released elements so far."""
+        return 0 if self.recoarsener is None else self.recoarsener.returned
+
     def particle_motion(self, rows: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements and velocities (n, 3) of particles, all by default; of those in elements by u = N u_e."""
-        found = []
+        """Displacements and velocities (n, axes) of particles, all by default; of those in elements by u = N u_e."""
+        found, axes = [], self.lattice.axes
         shape, nodes = self._shape[self.grid.slot[rows]], self.grid.nodes[self.grid.element[rows]]
         for nodal, own in (
             (self._nodes.displacement, self.lattice._state.displacement), (self._nodes.velocity, self.lattice._state.velocity),
         ):  # fmt: skip
-            inner = np.einsum("nc,nca->na", shape, nodal.T[nodes])
-            found.append(np.where(self.lattice.free[rows, None], own.T[rows], inner))
+            inner = np.einsum("nc,nca->na", shape, nodal[:axes].T[nodes])
+            found.append(np.where(self.lattice.free[rows, None], own[:axes].T[rows], inner))
         return found[0], found[1]
 
     def momentum(self) -> np.ndarray:
-        """(3,) in N s."""
+        """(axes,) in N s."""
         state = self.lattice._state
-        return self._nodes.velocity @ self.node_mass + (state.velocity * self.lattice.free) @ self.lattice.mass
+        total = self._nodes.velocity @ self.node_mass + (state.velocity * self.lattice.free) @ self.lattice.mass
+        return total[: self.lattice.axes]
 
     def element_strain(self, elements: np.ndarray) -> np.ndarray:
         """Strains (k, 6) at the centres of elements: xx, yy, zz, yz, xz, xy."""
         return self._centres.strains(self._nodes, self._elements, elements)[0]
 
     def internal_force(self, where: Where) -> np.ndarray:
-        """Sum (3,) of the forces of bonds and elements on the nodes and free particles `where`, N; some of each must be named."""
+        """Sum (axes,) of the forces of bonds and elements on the nodes and free particles `where`, N; some of each must be named."""
         state, nodes = self.lattice._state, self._nodes
         kept = state.force.copy(), nodes.force.copy()
         _elastic(state, self.lattice._terms, nodes, self._elements)
@@ -276,7 +289,7 @@ class Manifold:
             chosen[rows_of(where, points)] = True
             total += force[:, chosen & there].sum(axis=1)
         state.force[:], nodes.force[:] = kept
-        return total
+        return total[: self.lattice.axes]
 
     def hold(self, where: Where, directions: str, velocity: History = 0.0) -> None:
         """Move components of the nodes and of the particles `where` with a velocity (m/s); a later call wins.
@@ -313,11 +326,14 @@ class Manifold:
             lattice.time = self.time
             step_count -= now
             wanted = self.overstrained()
-            if self._parts is not None and (step_count == 0 or len(wanted)):
+            look = self.recoarsener is not None and self.recoarsener.is_due(now)
+            if self._parts is not None and (step_count == 0 or len(wanted) or look):
                 self._parts.take_over(self._parts.order("collect"))
             lattice.check(self.step)
             if len(wanted):
                 self.release(wanted)
+            if self.recoarsener is not None:
+                self.recoarsener.went_on(now)
 
     def _steps(self, drive: Drive, nodal: Drive, count: int) -> None:
         """Steps by all ranks, where some follow."""

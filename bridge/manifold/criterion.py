@@ -41,17 +41,17 @@ class Probe:
 
     Args:
         place: "centre" or "particles".
-        per_element: sites along each axis of an element (3,).
-        size: of an element, m (3,).
+        per_element: cells of the raster along each axis of an element (axes,).
+        size: of an element, m (axes,).
     """
 
     def __init__(self, place: str, per_element: np.ndarray, size: np.ndarray) -> None:
         if place not in PLACES:
             raise ValueError(f'strain_at="{place}" must be "{PLACES[0]}" or "{PLACES[1]}"')
         outer = 0.5 / per_element
-        ends = [np.unique((end, 1.0 - end)) for end in (outer if place == "particles" else np.full(3, 0.5))]
-        points = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, 3)
-        self._matrices = bricks.strain_matrix(points, size)  # (points, 6, 24)
+        ends = [np.unique((end, 1.0 - end)) for end in (outer if place == "particles" else np.full(len(size), 0.5))]
+        points = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(size))
+        self._matrices = bricks.strain_matrix(points, size)  # (points, 6, dofs)
 
     def strains(self, nodes: steps.Nodes, elements: steps.Elements, chosen: np.ndarray) -> np.ndarray:
         """Strains (points, chosen, 6) of some elements."""

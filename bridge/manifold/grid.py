@@ -1,35 +1,33 @@
-"""Elements of a regular mesh over the sites of a cubic lattice: who is in which element, and which nodes they share."""
+"""Elements of a regular mesh over the sites of a lattice: who is in which element, and which nodes they share."""
 
 from __future__ import annotations
 
 import numpy as np
 
-CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])  # in basix's order
+from bridge.manifold.raster import Raster
+
+CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])  # in basix's order; the first four in the plane
 AROUND = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
 
 
 class Grid:
-    """Bricks of `per_element` sites; an element is there where it holds a site.
+    """Bricks of `per_element` cells of a raster; an element is there where it holds a site.
 
     Args:
-        places: whole-number coordinates (n, 3) of the sites, from zero.
-        origin: place of the first site of an element.
-        per_element: sites along each axis of an element.
-        periodic: axes along which the body repeats; their number of sites must fit.
+        raster: of the lattice, the first element begins at its first cell.
+        per_element: cells along each axis of an element.
+        periodic: axes along which the body repeats; their number of cells must fit.
     """
 
-    def __init__(self, places: np.ndarray, origin: np.ndarray, per_element: np.ndarray, periodic: tuple[bool, ...]) -> None:
+    def __init__(self, raster: Raster, per_element: np.ndarray, periodic: tuple[bool, ...]) -> None:
         self.per_element, self.periodic = per_element, np.array(periodic)
-        self.places = places - origin
+        self.places = raster.places
         cells = self.places // per_element
-        self.lower = np.minimum(cells.min(axis=0), 0)
-        self.shape = cells.max(axis=0) - self.lower + 1
+        self.shape = cells.max(axis=0) + 1
         self.sites_shape = self.shape * per_element
-        self.places = self.places - self.lower * per_element
         fits = self.places.max(axis=0) - self.places.min(axis=0) + 1 == self.sites_shape
         if np.any(self.periodic & ~fits):
             raise ValueError(f"per_element={tuple(per_element.tolist())} must divide the number of sites along a periodic axis")
-        cells = self.places // per_element
         numbers = np.ravel_multi_index(tuple(cells.T), tuple(self.shape))
         found, self.element = np.unique(numbers, return_inverse=True)
         self.element = self.element.reshape(-1).astype(np.int32)
@@ -37,13 +35,17 @@ class Grid:
         inside = self.places - cells * per_element
         self.slot = np.ravel_multi_index(tuple(inside.T), tuple(per_element)).astype(np.int32)
         self.count = len(found)
+        self.capacity = int(np.prod(per_element)) // raster.dense  # sites of a full element
+        self._order = np.argsort(self.element, kind="stable")
+        self._first = np.searchsorted(self.element[self._order], np.arange(self.count + 1))
+        self._around = AROUND if raster.axes == 3 else AROUND[AROUND[:, 2] == 0]
         self._site_at = self._table(self.places, self.sites_shape)
         self._element_at = self._table(self.cells, self.shape)
-        corners = self.cells[:, None, :] + CORNERS
+        corners = self.cells[:, None, :] + CORNERS[: 2**raster.axes]
         repeats = np.where(self.periodic, self.shape, self.shape + 1)
         corners = corners % repeats
         keys, nodes = np.unique(np.ravel_multi_index(tuple(corners.reshape(-1, 3).T), tuple(repeats)), return_inverse=True)
-        self.nodes = nodes.reshape(-1, 8).astype(np.int32)  # (elements, 8)
+        self.nodes = nodes.reshape(-1, 2**raster.axes).astype(np.int32)  # (elements, corners)
         self.node_places = np.column_stack(np.unravel_index(keys, tuple(repeats)))
 
     @staticmethod
@@ -70,7 +72,7 @@ class Grid:
 
     def around(self, elements: np.ndarray) -> np.ndarray:
         """Elements that share a corner with some, themselves included; sorted."""
-        found = self.element_at(self.cells[elements][:, None, :] + AROUND)
+        found = self.element_at(self.cells[elements][:, None, :] + self._around)
         return np.unique(found[found >= 0])
 
     def at_faces(self, full: np.ndarray) -> np.ndarray:
@@ -79,16 +81,21 @@ class Grid:
         Args:
             full: elements (n,) bool that hold all their sites.
         """
-        steps = AROUND[np.abs(AROUND).sum(axis=1) < 3]  # no bond of the lattice crosses a corner
+        steps = self._around[np.abs(self._around).sum(axis=1) < 3]  # no bond of the lattice crosses a corner
         found = self.element_at(self.cells[:, None, :] + steps)
         return np.any((found < 0) | ~full[found], axis=1)
 
     def sites_of(self, elements: np.ndarray) -> np.ndarray:
         """Sites of some elements, sorted."""
-        chosen = np.zeros(self.count, dtype=bool)
-        chosen[elements] = True
-        return np.flatnonzero(chosen[self.element])
+        chosen = np.unique(elements)
+        first, number = self._first[chosen], self._first[chosen + 1] - self._first[chosen]
+        before = np.cumsum(number) - number
+        return np.sort(self._order[np.repeat(first - before, number) + np.arange(number.sum())])
 
     def filling(self) -> np.ndarray:
         """Number of sites (elements,)."""
-        return np.bincount(self.element, minlength=self.count)
+        return np.diff(self._first)
+
+    def full(self) -> np.ndarray:
+        """Elements (n,) bool that hold all their sites."""
+        return self.filling() == self.capacity

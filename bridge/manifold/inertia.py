@@ -16,7 +16,7 @@ from numba import njit
 from continuum import bricks
 from particles.system import KERNEL, STEPS
 
-HEAVIEST = 26.0 / 27.0  # largest eigenvalue of M_L^-1 (M_L - M_C): all nodes of a regular mesh in turn against each other
+HEAVIEST = 26.0 / 27.0  # largest eigenvalue of M_L^-1 (M_L - M_C): all nodes of a regular mesh in turn against each other; in the plane 8/9
 TURNS = 7  # of the iteration for the momenta; each leaves a tenth of the error, 1e-14 of it in the energy after all
 
 
@@ -24,20 +24,21 @@ class Inertia(NamedTuple):
     """What elements have beside the lumped mass."""
 
     mass: Any  # (elements,) kg
-    coupling: Any  # (8, 8): 1/2 (M_L - M_C) of an element of mass one
+    coupling: Any  # (corners, corners): 1/2 (M_L - M_C) of an element of mass one
     before: Any  # (3, nodes) forces of the last evaluation without its share, N
     rate: Any  # (3, nodes)
 
 
 def inertia_of(shares: np.ndarray, nodes: int) -> Inertia:
-    """Inertia of elements by the masses (elements, 8) that they give to their nodes; those with little at a corner have less."""
-    consistent = bricks.mass()
-    return Inertia(8.0 * shares.min(axis=1), 0.5 * (np.eye(8) / 8.0 - consistent), np.zeros((3, nodes)), np.zeros((3, nodes)))
+    """Inertia of elements by the masses (elements, corners) that they give to their nodes; those with little at a corner have less."""
+    corners = shares.shape[1]
+    coupling = 0.5 * (np.eye(corners) / corners - bricks.mass(3 if corners == 8 else 2))
+    return Inertia(corners * shares.min(axis=1), coupling, np.zeros((3, nodes)), np.zeros((3, nodes)))
 
 
-def step_factor() -> float:
-    """Share of the critical step with the lumped mass that is stable with this one: 1 / sqrt(1 + 1/2 26/27)."""
-    return float((1.0 + 0.5 * HEAVIEST) ** -0.5)
+def step_factor(axes: int) -> float:
+    """Share of the critical step with the lumped mass that is stable with this one: 1 / sqrt(1 + 1/2 26/27), in the plane 8/9."""
+    return float((1.5 - 0.5 * 3.0**-axes) ** -0.5)
 
 
 @njit(**KERNEL)
@@ -47,10 +48,10 @@ def couple(elements, inertia, by, result):
     for q in range(len(elements.active)):
         e = elements.active[q]
         mass = inertia.mass[e]
-        for a in range(3):
-            for c in range(8):
+        for a in range(len(elements.axes)):
+            for c in range(len(elements.corners)):
                 total = 0.0
-                for b in range(8):
+                for b in range(len(elements.corners)):
                     total += coupling[c, b] * by[a, elements.node[e, b]]
                 result[a, elements.node[e, c]] += mass * total
 

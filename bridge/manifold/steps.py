@@ -27,15 +27,17 @@ class Nodes(NamedTuple):
 class Elements(NamedTuple):
     """Elements that are there, by type of stiffness, and the particles that they carry."""
 
-    node: Any  # (elements, 8) int32
+    axes: Any  # 0, 1, 2 in space; 0, 1 in the plane: loops over tuples are unrolled
+    corners: Any  # 0 to 7, 0 to 3
+    node: Any  # (elements, corners) int32
     kind: Any  # (elements,) int32
-    stiffness: Any  # (kinds, 24, 24), N/m
+    stiffness: Any  # (kinds, dofs, dofs), N/m, dofs = corners x axes
     active: Any  # (active,) int32 elements
     carried: Any  # (carried,) int32 rows of the lattice
     carrier: Any  # (carried,) int32 element of each
     slot: Any  # (carried,) int32 place in it
-    shape: Any  # (slots, 8) shape functions of the places
-    room: Any  # (48,)
+    shape: Any  # (slots, corners) shape functions of the places
+    room: Any  # (dofs,)
     inertia: Any  # None (lumped mass) or Inertia
 
 
@@ -44,9 +46,9 @@ def carry(state, nodes, elements):
     """Displacements and velocities of carried particles by those of the nodes: u = N u_e (eq 39)."""
     for q in range(len(elements.carried)):
         i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
-        for a in range(3):
+        for a in range(len(elements.axes)):
             u = v = 0.0
-            for c in range(8):
+            for c in range(len(elements.corners)):
                 node, weight = elements.node[e, c], elements.shape[slot, c]
                 u += weight * nodes.displacement[a, node]
                 v += weight * nodes.velocity[a, node]
@@ -58,22 +60,24 @@ def carry(state, nodes, elements):
 def element_forces(nodes, elements):
     """Nodal forces - K u of all elements, written into `force`."""
     f, u, room = nodes.force, nodes.displacement, elements.room
+    axes, corners = len(elements.axes), len(elements.corners)
+    dofs = axes * corners
     for a in range(3):
         for i in range(f.shape[1]):
             f[a, i] = 0.0
     for q in range(len(elements.active)):
         e = elements.active[q]
         matrix = elements.stiffness[elements.kind[e]]
-        for c in range(24):
-            room[24 + c] = 0.0
-        for c in range(8):
-            for a in range(3):
+        for r in range(dofs):
+            room[r] = 0.0
+        for c in range(corners):
+            for a in range(axes):
                 moved = u[a, elements.node[e, c]]
-                for r in range(24):
-                    room[24 + r] += matrix[3 * c + a, r] * moved
-        for c in range(8):
-            for a in range(3):
-                f[a, elements.node[e, c]] -= room[24 + 3 * c + a]
+                for r in range(dofs):
+                    room[r] += matrix[axes * c + a, r] * moved
+        for c in range(corners):
+            for a in range(axes):
+                f[a, elements.node[e, c]] -= room[axes * c + a]
 
 
 @njit(**KERNEL)
@@ -81,9 +85,9 @@ def hand_over(state, nodes, elements):
     """Forces on carried particles to the nodes: F_e = N F (eq 38)."""
     for q in range(len(elements.carried)):
         i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
-        for a in range(3):
+        for a in range(len(elements.axes)):
             force = state.force[a, i]
-            for c in range(8):
+            for c in range(len(elements.corners)):
                 nodes.force[a, elements.node[e, c]] += elements.shape[slot, c] * force
 
 
@@ -167,14 +171,15 @@ def elastic(state, terms, nodes, elements):
 
 @njit(**STEPS)
 def strains_at(nodes, elements, chosen, matrix, strain):
-    """Strains (chosen, 6) of elements by a strain matrix (6, 24): those at their centres."""
+    """Strains (chosen, 6) of elements by a strain matrix (6, dofs)."""
+    axes = len(elements.axes)
     for q in range(len(chosen)):
         for r in range(6):
             total = 0.0
-            for c in range(8):
+            for c in range(len(elements.corners)):
                 node = elements.node[chosen[q], c]
-                for a in range(3):
-                    total += matrix[r, 3 * c + a] * nodes.displacement[a, node]
+                for a in range(axes):
+                    total += matrix[r, axes * c + a] * nodes.displacement[a, node]
             strain[q, r] = total
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from bridge.manifold.grid import Grid
 from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
+from bridge.manifold.raster import Raster
 from bridge.manifold.template import Template
 from continuum import bricks
-from particles.lattice import Lattice
-from particles.lattice.geometry import directions, vectors
+from particles.lattice import Lattice, LatticeMaterial
 
 AT_ONCE = 512  # elements whose bonds are looked at together
 
@@ -20,13 +20,14 @@ class Stiffness:
     Args:
         lattice: whose bonds are counted.
         grid: sites and elements.
-        size: of an element (3,), m.
-        shape: functions (slots, 8) of the places in an element.
+        raster: of the lattice.
+        shape: functions (slots, corners) of the places in an element.
     """
 
-    def __init__(self, lattice: Lattice, grid: Grid, size: np.ndarray, shape: np.ndarray) -> None:
-        self._lattice, self._grid, self._size, self._shape = lattice, grid, size, shape
-        self._template = Template(grid, vectors(3, lattice.spacing), directions(3), lattice.spacing)
+    def __init__(self, lattice: Lattice, grid: Grid, raster: Raster, shape: np.ndarray) -> None:
+        self._lattice, self._grid, self._shape = lattice, grid, shape
+        self._size = (grid.per_element * raster.pitch)[: raster.axes]
+        self._template = Template(grid, raster)
         self._first_site = np.zeros(grid.count, dtype=np.int64)
         self._first_site[grid.element] = np.arange(len(grid.element))
         self._known: dict[bytes, int] = {}
@@ -36,8 +37,8 @@ class Stiffness:
 
     @property
     def matrices(self) -> np.ndarray:
-        """(kinds, 24, 24) in N/m."""
-        return np.array(self._matrices).reshape(-1, 24, 24)
+        """(kinds, dofs, dofs) in N/m."""
+        return np.array(self._matrices).reshape(-1, *(self._shape.shape[1] * len(self._size),) * 2)
 
     def find(self, elements: np.ndarray, kind: np.ndarray) -> None:
         """Numbers of the matrices of some elements, which are there, in a body whose elements are of kinds (all,)."""
@@ -48,7 +49,7 @@ class Stiffness:
             if len(mine):
                 key = b"continuum %d" % number
                 if key not in self._known:
-                    self._keep(key, bricks.stiffness(self._size, material.young_modulus, material.poisson_ratio), mine[0])
+                    self._keep(key, self._brick(material), mine[0])
                 self.number[mine] = self._known[key]
         manifold = elements[kind[elements] == MANIFOLD]
         for part in np.array_split(manifold, max(1, len(manifold) // AT_ONCE)):
@@ -62,13 +63,13 @@ class Stiffness:
                     self._keep(key, self._template.stiffness(weight[row], normal, shear), element)
                 self.number[element] = self._known[key]
 
+    def _brick(self, material: LatticeMaterial) -> np.ndarray:
+        return bricks.stiffness(self._size, material.young_modulus, material.poisson_ratio, self._lattice.plane)
+
     def _keep(self, key: bytes, matrix: np.ndarray, element: int) -> None:
         self._known[key] = len(self._matrices)
         self._matrices.append(np.ascontiguousarray(matrix))
-        sites = self._grid.sites_of(np.array([element])) if len(self._grid.element) < 10**5 else None
-        share = (
-            self._lattice.mass[0] * np.prod(self._grid.per_element) / 8.0 * np.ones(8) if sites is None
-            else self._lattice.mass[sites] @ self._shape[self._grid.slot[sites]]
-        )  # fmt: skip
-        light = np.repeat(np.where(share > 1e-9 * share.max(), share, np.inf), 3) ** -0.5
+        sites = self._grid.sites_of(np.array([element]))
+        share = self._lattice.mass[sites] @ self._shape[self._grid.slot[sites]]
+        light = np.repeat(np.where(share > 1e-9 * share.max(), share, np.inf), len(self._size)) ** -0.5
         self.stiffest = max(self.stiffest, float(np.linalg.eigvalsh(matrix * light[:, None] * light)[-1]))

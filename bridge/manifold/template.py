@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from bridge.manifold.grid import Grid
+from bridge.manifold.raster import Raster
 from continuum import bricks
 
 
@@ -18,32 +19,31 @@ class Template:
 
     Args:
         grid: sites and elements.
-        vectors: reference bond vectors (18, 3) in m, opposite ones in turn.
-        steps: the same in whole steps of the lattice.
-        spacing: m.
+        raster: of the lattice.
     """
 
-    def __init__(self, grid: Grid, vectors: np.ndarray, steps: np.ndarray, spacing: float) -> None:
+    def __init__(self, grid: Grid, raster: Raster) -> None:
         self._grid = grid
-        n = grid.per_element
+        n, ways = grid.per_element, np.arange(0, len(raster.steps), 2)
         origin = np.stack(np.meshgrid(*(np.arange(-1, m + 1) for m in n), indexing="ij"), axis=-1).reshape(-1, 3)
-        first, way = np.repeat(origin, 9, axis=0), np.tile(np.arange(0, 18, 2), len(origin))
-        second = first + steps[way]
-        twice = first + second + 1  # of the midpoint, in sites
+        origin = origin[raster.occupied(origin)]
+        first, way = np.repeat(origin, len(ways), axis=0), np.tile(ways, len(origin))
+        second = first + raster.steps[way]
+        twice = first + second + 1  # of the midpoint, in cells
         inside = np.all((twice >= 0) & (twice <= 2 * n), axis=1)
         self.first, self.second, way, twice = first[inside], second[inside], way[inside], twice[inside]
         low, high = np.where(twice == 0, -1, 0), np.where(twice == 2 * n, 1, 0)
         across = low + high  # an element further along these axes has the midpoint, too
         self.owners = np.array([[[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]] * len(across)) * across[:, None, :]
         self._repeated = np.maximum(2 ** np.sum(across == 0, axis=1), 1)  # each owner is listed so often
-        size = n * spacing
-        strain = bricks.strain_matrix(twice / (2.0 * n), size)  # (bonds, 6, 24)
+        axes = raster.axes
+        strain = bricks.strain_matrix((twice / (2.0 * n))[:, :axes], (n * raster.pitch)[:axes])  # (bonds, 6, dofs)
         tensor = strain[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]], :]
-        arm = vectors[way]
+        arm = raster.steps[way] * raster.pitch
         unit = arm / np.linalg.norm(arm, axis=1, keepdims=True)
         deformation = np.einsum("brsa,bs->bra", tensor, arm)
-        self.stretch = np.einsum("bra,br->ba", deformation, unit)  # (bonds, 24)
-        self.shear = deformation - self.stretch[:, None, :] * unit[:, :, None]  # (bonds, 3, 24)
+        self.stretch = np.einsum("bra,br->ba", deformation, unit)  # (bonds, dofs)
+        self.shear = deformation - self.stretch[:, None, :] * unit[:, :, None]  # (bonds, 3, dofs)
 
     def weights(self, elements: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Share (elements, bonds) of each bond that an element owns, and the sites at its ends.
@@ -62,7 +62,7 @@ class Template:
         return np.where(there, 1.0 / np.maximum(owning, 1), 0.0), first, second
 
     def stiffness(self, weight: np.ndarray, normal: np.ndarray, shear: np.ndarray) -> np.ndarray:
-        """Stiffness (24, 24) in N/m of shares (bonds,) of bonds with stiffnesses (bonds,) in N/m."""
+        """Stiffness (dofs, dofs) in N/m of shares (bonds,) of bonds with stiffnesses (bonds,) in N/m."""
         along = (self.stretch * (weight * normal)[:, None]).T @ self.stretch
-        flat = self.shear.reshape(-1, 24)
+        flat = self.shear.reshape(-1, self.shear.shape[2])
         return along + (flat * np.repeat(weight * shear, 3)[:, None]).T @ flat

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 # Pairs of opposite directions, in steps of the lattice: axes and face diagonals of the cubic lattice
@@ -67,21 +69,52 @@ def neighbours(found: np.ndarray, axes: tuple[int, ...], steps: np.ndarray, peri
         axes: from slow to fast.
         steps: (k, 3).
         periodic: axes along which the lattice repeats.
+
+    Raises:
+        ValueError: the sites do not repeat.
     """
     shape = found.max(axis=0) + 1
     wide = shape + 2  # a margin instead of a look whether a neighbour is outside
     stride = np.zeros(3, dtype=np.int64)
     stride[list(axes)] = wide[axes[1]] * wide[axes[2]], wide[axes[2]], 1
     keys = (found + 1) @ stride  # ascending
+    images = _images(found, len(steps), periodic)
     table = np.empty((len(found), len(steps)), dtype=np.int32)
     for k, step in enumerate(steps):
-        target = found + step
-        for axis in np.flatnonzero(periodic):
-            target[:, axis] %= shape[axis]
-        wanted = (target + 1) @ stride
-        where = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        table[:, k] = np.where(keys[where] == wanted, where, -1)
+        table[:, k] = _rows_at(found + step, keys, stride, wide)
+        for image in images:
+            missing = np.flatnonzero(table[:, k] < 0)
+            table[missing, k] = _rows_at(found[missing] + step + image, keys, stride, wide)
     return table
+
+
+def _rows_at(places: np.ndarray, keys: np.ndarray, stride: np.ndarray, wide: np.ndarray) -> np.ndarray:
+    """Rows (k,) of places (k, 3), -1 where there is no site."""
+    wanted = (places + 1) @ stride
+    where = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where((keys[where] == wanted) & np.all((places >= -1) & (places + 1 < wide), axis=1), where, -1)
+
+
+def _images(found: np.ndarray, ways: int, periodic: tuple[bool, ...]) -> np.ndarray:
+    """Translations (k, 3) by which a lattice repeats, at most once along each axis.
+
+    Rows of the hexagonal lattice repeat after their sites; upwards a sheet may be a parallelogram along the axes of the lattice, or
+    upright with an even number of rows.
+    """
+    shape = found.max(axis=0) + 1
+    shifts = np.diag(shape)
+    if ways == len(HEXAGONAL) * 2 and any(periodic):
+        first, last = np.full(shape[1], shape[0]), np.zeros(shape[1], dtype=np.int64)
+        np.minimum.at(first, found[:, 1], found[:, 0])
+        np.maximum.at(last, found[:, 1], found[:, 0])
+        shifts[0, 0] = (last - first).max() + 1
+        if periodic[1] and first.max() > first.min():
+            if shape[1] % 2:
+                raise ValueError(f'periodic="y" needs an even number of rows of the hexagonal lattice, not {shape[1]}')
+            shifts[1, 0] = -(shape[1] // 2)
+    chosen = [range(-1, 2) if axis else (0,) for axis in periodic]
+    combined = np.array(list(product(*chosen)))
+    return combined[np.any(combined != 0, axis=1)] @ shifts
 
 
 def follows(table: np.ndarray) -> np.ndarray:

@@ -76,7 +76,7 @@ class Lattice:
             raise ValueError(f"local_damping={local_damping} must lie in [0, 1)")
         if set(periodic) - set("xyz"[: sites.shape[1]]):
             raise ValueError(f'periodic="{periodic}" must name axes of "{"xyz"[: sites.shape[1]]}"')
-        self.axes, self.spacing = sites.shape[1], float(spacing)
+        self.axes, self.spacing, self.plane = sites.shape[1], float(spacing), plane
         self.materials = [material] if isinstance(material, LatticeMaterial) else list(material)
         self.periodic = tuple(axis in periodic for axis in "xyz")
         found = geometry.places(sites, spacing)

@@ -19,7 +19,7 @@ from particles.lattice.arrangement import arrange, needed
 from particles.lattice.state import BREAKING, BROKEN_BONDS, SPECIAL, SUMS, Drive, State, Terms
 
 IRREGULAR = 8  # work of a row in no run, in rows of one
-MOTION = ("displacement", "velocity", "force")
+MOTION = {"displacement": 3, "velocity": 3, "force": 3, "strain": 6}  # arrays that rank 0 takes over, and their components
 SECONDS = ("stepping", "exchange", "agreement")
 _kick, _feel, _act = Direct(motion.kick_points), Direct(motion.feel), Direct(motion.act_on)
 _failing, _break_all = Direct(breaking.failing), Direct(breaking.break_all)
@@ -148,7 +148,7 @@ class Part:
         self._broken.append(broken)
 
     def collect(self) -> Any:
-        """What rank 0 takes over: rows, their motion (9, rows), energy sums and the bonds that broke since it last did (collective)."""
+        """What rank 0 takes over: rows, their motion (15, rows), energy sums and the bonds that broke since it last did (collective)."""
         comm, state = self.comm, self.state
         broken, self._broken = self._broken, [np.empty((0, 2), dtype=np.int64)]
         rows = np.flatnonzero(self.own)
@@ -193,8 +193,10 @@ class Parts:
         """Give the lattice what `Part.collect` found."""
         rows, moved, sums, broken = found
         state = self._whole._state
-        for k, name in enumerate(MOTION):
-            getattr(state, name)[:, rows] = moved[3 * k : 3 * k + 3]
+        first = 0
+        for name, components in MOTION.items():
+            getattr(state, name)[:, rows] = moved[first : first + components]
+            first += components
         state.sums[:] += sums[:SUMS]
         if len(broken):
             cut_all(state, self._whole._terms, broken)

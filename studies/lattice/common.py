@@ -13,12 +13,12 @@ import numpy as np
 from mpi4py import MPI
 
 from bridge import output
-from bridge.manifold import PARTICLES, Manifold
+from bridge.manifold import LOST, PARTICLES, Manifold
 from bridge.run import Outcome, Stopwatch, run
 from particles.crew import ranks
 from particles.lattice import Lattice
 
-HEXAHEDRON = [0, 1, 3, 2, 4, 5, 7, 6]  # nodes of an element as VTK wants them
+CELLS = {8: ("hexahedron", [0, 1, 3, 2, 4, 5, 7, 6]), 4: ("quad", [0, 1, 3, 2])}  # nodes of an element as VTK wants them
 SERIES = ("particles", "elements")
 
 
@@ -177,17 +177,16 @@ class Recorder:
 
 def _common(row: dict[str, float]) -> dict[str, float]:
     """A row with the columns that bodies with and without elements share."""
-    return {"release_kinetic_J": 0.0, "release_strain_J": 0.0} | row if "release_kinetic_J" not in row else {
-        "release_kinetic_J": row["release_kinetic_J"], "release_strain_J": row["release_strain_J"],
-        **{name: value for name, value in row.items() if not name.startswith("release_")},
-    }  # fmt: skip
+    lost = {f"{name}_J": row.get(f"{name}_J", 0.0) for name in LOST}
+    return lost | {name: value for name, value in row.items() if name not in lost}
 
 
 def _counts(body: Body, outcome: Outcome) -> dict[str, int]:
     counts = {"particles": int(body.lattice.free.sum()), "sites": body.lattice.count, "fine_steps": outcome.steps}
     if isinstance(body.model, Manifold):
         kinds = np.bincount(body.model.kind, minlength=3)
-        counts |= {"continuum_elements": int(kinds[0]), "manifold_elements": int(kinds[1]), "released": body.model.released}
+        counts |= {"continuum_elements": int(kinds[0]), "manifold_elements": int(kinds[1])}
+        counts |= {"released": body.model.released, "returned": body.model.returned}
     return counts
 
 
@@ -206,9 +205,10 @@ def write_fields(body: Body, folder: Path, name: str) -> None:
     if isinstance(model, Manifold):
         there = np.flatnonzero(model.kind != PARTICLES)
         if len(there):
-            cells = model.grid.nodes[there][:, HEXAHEDRON]
+            shape, order = CELLS[model.grid.nodes.shape[1]]
+            cells = model.grid.nodes[there][:, order]
             output.Series(folder, f"{name}_elements").write(
-                body.time, model.node_reference, ("hexahedron", cells), {"displacement": model.displacement, "velocity": model.velocity},
+                body.time, model.node_reference, (shape, cells), {"displacement": model.displacement, "velocity": model.velocity},
                 {"kind": model.kind[there].astype(float)},
             )  # fmt: skip
 

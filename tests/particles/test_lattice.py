@@ -334,6 +334,20 @@ def test_a_plane_wave_travels_at_the_speed_of_compression_waves():
     assert travelled / (lattice.time - 0.5 * period) == pytest.approx(ROCK.wave_speed, rel=0.005)
 
 
+@pytest.mark.parametrize("periodic, rows, lacking", [("x", 6, 2 * 2 * 4), ("y", 6, 2 * 6 + 2 * 6), ("xy", 6, 0), ("xy", 4, 0)])
+def test_upright_sheets_of_the_hexagonal_lattice_repeat(periodic, rows, lacking):
+    """Rows one after the other shifted by half a spacing: neighbours across the ends are each other's, none is left out."""
+    i, j = np.meshgrid(np.arange(4), np.arange(rows), indexing="ij")
+    sites = np.column_stack(((i + 0.5 * (j % 2)).ravel(), (math.sqrt(0.75) * j).ravel()))
+    near = Lattice(sites, 1.0, ROCK, periodic=periodic)._state.near
+    assert np.sum(near < 0) == lacking
+    for way in range(6):
+        row = np.flatnonzero(near[:, way] >= 0)
+        assert np.array_equal(near[near[row, way], way ^ 1], row)
+    with pytest.raises(ValueError, match="even number of rows"):
+        Lattice(sites[j.ravel() < rows - 1], 1.0, ROCK, periodic="y")
+
+
 def test_waves_blow_up_with_a_sentence():
     lattice = block(step=2e-4 * 5)
     lattice.velocity = 1e-3 * np.random.default_rng(7).standard_normal((lattice.count, 3))
