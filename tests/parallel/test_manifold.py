@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from bridge.manifold import PARTICLES, Manifold, ultimate_strain
+from bridge.manifold import PARTICLES, Manifold, Recoarsening, ultimate_strain
 from meshes import Box, packings
 from particles.crew import lead
 from particles.lattice import Lattice, LatticeMaterial
@@ -23,6 +23,19 @@ def bar():
     return body
 
 
+def column():
+    """A tensile pulse along a column that repeats: what it releases comes back behind it."""
+    sites = packings.simple_cubic(Box((0, 0, 0), (2 * D, 2 * D, 90 * D)), D / 2)
+    body = Manifold(
+        Lattice(sites, D, ROCK, periodic="xy"), 2, free=lambda x: x[:, 2] < 4 * D, release=ultimate_strain(1e-4),
+        recoarsen=Recoarsening(2e-5, 3 * D / ROCK.wave_speed, check_every=10),
+    )  # fmt: skip
+    period = 30 * D / ROCK.wave_speed
+    body.hold(lambda x: x[:, 2] > -1, "xy")
+    body.hold(lambda x: x[:, 2] < 0.6 * D, "z", lambda t: -0.6 * np.sin(np.pi * t / period) ** 2 * (t < period))
+    return body
+
+
 def wave():
     """No particle is free: a pulse through elements alone, of the higher-order mass, absorbed at the end."""
     lattice = Lattice(packings.simple_cubic(Box((0, 0, 0), (0.004, 0.004, 0.02)), D / 2), D, ROCK)
@@ -31,7 +44,7 @@ def wave():
     return Manifold(lattice, 2, continuum=False, mass="higher-order")
 
 
-@pytest.mark.parametrize("make, steps", [(bar, 40), (wave, 60)])
+@pytest.mark.parametrize("make, steps", [(bar, 40), (column, 50), (wave, 60)])
 def test_motion_energies_and_releases_are_those_of_one_rank(make, steps):
     alone = make()
     alone.advance(steps)
@@ -45,6 +58,8 @@ def test_motion_energies_and_releases_are_those_of_one_rank(make, steps):
 
     displacement, velocity, motion, energies, log, parallel = lead(script, COMM)
     assert log == alone.release_log
+    if make is column:
+        assert alone.recoarsener.returned > 3
     if make is bar:
         assert alone.released > 4 and energies["broken_bonds"] > 50 and (alone.kind != PARTICLES).any()
         assert COMM.size == 1 or sum(one["particles"] for one in parallel["ranks"]) == alone.lattice.free.sum()
