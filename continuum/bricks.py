@@ -18,9 +18,14 @@ def shape_functions(points: np.ndarray) -> np.ndarray:
     return cells.shape_functions(points, NODES)
 
 
+def shape_gradients(points: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Gradients (k, 8, 3) in 1/m of the shape functions of a brick of a size (3,) in m at points (k, 3) of the unit cube."""
+    return cells.shape_gradients(points, NODES) / np.asarray(size)
+
+
 def strain_matrix(points: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Tensor strain (k, 6, 24) xx, yy, zz, yz, xz, xy by nodal displacements, node by node with three components."""
-    by = cells.shape_gradients(points, NODES) / np.asarray(size)
+    by = shape_gradients(points, size)
     found = np.zeros((len(by), 6, 8, 3))
     for row in range(3):
         found[:, row, :, row] = by[:, :, row]

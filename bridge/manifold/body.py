@@ -91,6 +91,7 @@ class Manifold:
         self.centres = corner + (self.grid.cells + 0.5) * self.size
         slots = np.stack(np.meshgrid(*(np.arange(m) for m in count), indexing="ij"), axis=-1).reshape(-1, 3)
         self._shape = bricks.shape_functions((slots + 0.5) / count)
+        self._gradient = bricks.shape_gradients((slots + 0.5) / count, self.size)
         self._centres, self._probe = (Probe(place, count, self.size) for place in ("centre", strain_at))
         self.kind = self._first_kinds(free, manifold, cut, continuum, faces)
         self._stiffness = Stiffness(lattice, self.grid, self.size, self._shape)
@@ -193,7 +194,7 @@ class Manifold:
         rows = np.flatnonzero(self.lattice.needed).astype(np.int32)
         self._elements = steps.Elements(
             self.grid.nodes, self._stiffness.number, self._stiffness.matrices, active,
-            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, np.zeros(48), self._inertia,
+            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, self._gradient, np.zeros(48), self._inertia,
         )  # fmt: skip
 
     def _arrange_driving(self) -> None:
