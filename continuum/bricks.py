@@ -18,10 +18,15 @@ def shape_functions(points: np.ndarray) -> np.ndarray:
     return cells.shape_functions(points, 2 ** points.shape[1])
 
 
+def shape_gradients(points: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Gradients (k, nodes, axes) in 1/m of the shape functions of a brick of a size (axes,) in m at points of the unit cube."""
+    return cells.shape_gradients(points, 2 ** points.shape[1]) / np.asarray(size)
+
+
 def strain_matrix(points: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Tensor strain (k, 6, dofs) xx, yy, zz, yz, xz, xy by nodal displacements, node by node with a component for each axis."""
     axes = points.shape[1]
-    by = cells.shape_gradients(points, 2**axes) / np.asarray(size)
+    by = shape_gradients(points, size)
     found = np.zeros((len(by), 6, 2**axes, axes))
     for row in range(axes):
         found[:, row, :, row] = by[:, :, row]

@@ -94,6 +94,7 @@ class Manifold:
         slots = np.stack(np.meshgrid(*(np.arange(m) for m in count), indexing="ij"), axis=-1).reshape(-1, 3)
         self.slots = ((slots + 0.5) / count)[:, :axes]
         self._shape = bricks.shape_functions(self.slots)
+        self._gradient = bricks.shape_gradients(self.slots, self.size)
         self._centres, self._probe = (Probe(place, count[:axes], self.size) for place in ("centre", strain_at))
         self.kind = self._first_kinds(free, manifold, cut, continuum, faces)
         self._stiffness = Stiffness(lattice, self.grid, raster, self._shape)
@@ -199,7 +200,8 @@ class Manifold:
         corners = self.grid.nodes.shape[1]
         self._elements = steps.Elements(
             tuple(range(self.lattice.axes)), tuple(range(corners)), self.grid.nodes, self._stiffness.number, self._stiffness.matrices, active,
-            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, np.zeros(self.lattice.axes * corners), self._inertia,
+            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, self._gradient,
+            np.zeros(self.lattice.axes * corners), self._inertia,
         )  # fmt: skip
 
     def _arrange_driving(self) -> None:

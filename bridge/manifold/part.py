@@ -50,7 +50,7 @@ class ManifoldPart(Part):
             self.exchange()
             _carry(state, nodes, self.elements)
             self.feel(h)
-            _pull(state, nodes, self._share)
+            _pull(state, terms, nodes, self._share)
             self._sum_forces()
             _act(state, terms, drive, s, h)
             _act_on_nodes(nodes, self.elements, terms, nodal_drive, s, h)

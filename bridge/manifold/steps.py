@@ -9,6 +9,8 @@ from numba import njit
 
 from bridge.manifold.inertia import spread
 from particles.lattice import motion
+from particles.lattice.general import shear_of, stiffness_of
+from particles.lattice.state import BROKEN, EXPLICIT, NONE
 from particles.system import KERNEL, OUTER, STEPS
 
 
@@ -37,6 +39,7 @@ class Elements(NamedTuple):
     carrier: Any  # (carried,) int32 element of each
     slot: Any  # (carried,) int32 place in it
     shape: Any  # (slots, corners) shape functions of the places
+    gradient: Any  # (slots, corners, axes) their gradients, 1/m
     room: Any  # (dofs,)
     inertia: Any  # None (lumped mass) or Inertia
 
@@ -103,13 +106,54 @@ def act(nodes, elements, inertia, damping, drive, s, h, booked):
         motion.book(nodes, inertia.before, drive, s, h, booked)
 
 
+@njit(**KERNEL)
+def hand_over_without_couples(state, terms, moment, nodes, elements):
+    """Hand forces over, less the couples that bonds with a shear force of their own leave on carried particles.
+
+    A published shear force is across its bond: half of the couple X x F acts on each end. In a lattice those of all bonds of a particle
+    cancel in uniform strain. What an element holds of the bonds of a carried particle has no couple; so those of the others, C, have
+    none to cancel and are taken away by nodal forces 1/2 C x grad N, which have no resultant. `moment`: of the variational form, None
+    for the published one.
+    """
+    hand_over(state, nodes, elements)
+    if moment is None:
+        for q in range(len(elements.carried)):
+            i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
+            if state.force_kind[i] == NONE:
+                continue
+            x, y, z = couple_of(state, terms, i)
+            for c in range(len(elements.corners)):
+                node, by = elements.node[e, c], elements.gradient[slot, c]
+                nodes.force[0, node] -= 0.5 * z * by[1]
+                nodes.force[1, node] += 0.5 * z * by[0]
+                if len(elements.axes) == 3:
+                    nodes.force[0, node] += 0.5 * y * by[2]
+                    nodes.force[1, node] -= 0.5 * x * by[2]
+                    nodes.force[2, node] += 0.5 * (x * by[1] - y * by[0])
+
+
+@njit(**KERNEL)
+def couple_of(state, terms, i):
+    """Half of the couple X x F (N m) of the shear forces of the explicit bonds of a row."""
+    x = y = z = 0.0
+    for k in range(state.near.shape[1]):
+        if state.bonds[i, k] & (EXPLICIT | BROKEN) == EXPLICIT:
+            j = state.near[i, k]
+            half, arm = 0.5 * stiffness_of(terms.shear, state, i, j), terms.vectors[k]
+            sx, sy, sz = shear_of(state, terms, i, j, k)
+            x += half * (arm[1] * sz - arm[2] * sy)
+            y += half * (arm[2] * sx - arm[0] * sz)
+            z += half * (arm[0] * sy - arm[1] * sx)
+    return x, y, z
+
+
 @njit(**OUTER)
 def evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, booked):
     """All forces at the displacements of now."""
     carry(state, nodes, elements)
     motion.forces(state, terms, h, booked)
     element_forces(nodes, elements)
-    hand_over(state, nodes, elements)
+    hand_over_without_couples(state, terms, state.moment, nodes, elements)
     motion.act(state, terms.damping, drive, s, h, booked)
     act(nodes, elements, elements.inertia, terms.damping, nodal_drive, s, h, booked)
 
@@ -136,10 +180,10 @@ def carry_rows(state, nodes, elements):
 
 
 @njit(**STEPS)
-def pull_nodes(state, nodes, elements):
+def pull_nodes(state, terms, nodes, elements):
     """Forces of elements, and of the bonds of the particles that they carry, on the nodes."""
     element_forces(nodes, elements)
-    hand_over(state, nodes, elements)
+    hand_over_without_couples(state, terms, state.moment, nodes, elements)
 
 
 @njit(**STEPS)
@@ -165,7 +209,7 @@ def elastic(state, terms, nodes, elements):
     for a in range(3):
         for i in range(nodes.force.shape[1]):
             of_elements -= 0.5 * nodes.force[a, i] * nodes.displacement[a, i]
-    hand_over(state, nodes, elements)
+    hand_over_without_couples(state, terms, state.moment, nodes, elements)
     return of_bonds, of_elements
 
 

@@ -60,24 +60,20 @@ def test_its_other_modes_come_near_those_of_q4_with_the_square_of_its_sites(plan
 
 @pytest.mark.parametrize("plane", ["strain", "stress"])
 def test_patch_test_across_all_layers(plane):
-    """Strains along and across the interface: no force inside, 1e-12. Shear: the shear force of a published bond has a moment, an
-    element's strain has none; what is left falls with the number of particles of an element."""
-    left = []
-    for n, m in ((4, 2), (8, 4)):
-        body = Manifold(sheet(5 * n, 6 * m, plane=plane), (n, m), free=below(2 * m * math.sqrt(3.0)))
-        for gradient, most in (np.diag([1, -2]) * 1e-4, 1e-12), (np.array([[0, 1], [1, 0]]) * 1e-4, 0.05):
-            body.set_motion(lambda x: x @ gradient.T)
-            body.prepare()
-            x, force = body.node_reference, body._nodes.force[:2].T
-            low, high = x.min(axis=0) + 1.5 * body.size, x.max(axis=0) - 1.5 * body.size  # bonds lack in elements at free faces
-            inner = np.all((x > low) & (x < high), axis=1) & body.alive
-            error = np.abs(force[inner]).max() / np.abs(force).max()
-            assert inner.sum() == 6 and error < most
-            x, force = body.lattice.reference, body.lattice._state.force[:2].T
-            inner = np.all((x > low) & (x < high), axis=1) & body.lattice.free
-            assert np.abs(force[inner]).max() < 1e-12 * np.abs(force).max()
-        left.append(error)
-    assert left[1] < 0.6 * left[0], left
+    """Strains along and across the interface, shear: no force inside, on nodes and on free particles."""
+    n, m = 4, 2
+    body = Manifold(sheet(5 * n, 6 * m, plane=plane), (n, m), free=below(2 * m * math.sqrt(3.0)))
+    for gradient in np.diag([1, -2]) * 1e-4, np.array([[0, 1], [1, 0]]) * 1e-4:
+        body.set_motion(lambda x: x @ gradient.T)
+        body.prepare()
+        for x, force, there in (
+            (body.node_reference, body._nodes.force[:2].T, body.alive),
+            (body.lattice.reference, body.lattice._state.force[:2].T, body.lattice.free),
+        ):
+            nodes = body.node_reference
+            low, high = nodes.min(axis=0) + 1.5 * body.size, nodes.max(axis=0) - 1.5 * body.size  # bonds lack in elements at free faces
+            inner = np.all((x > low) & (x < high), axis=1) & there
+            assert inner.sum() >= 6 and np.abs(force[inner]).max() < 1e-12 * np.abs(force).max()
 
 
 def test_energy_is_kept_to_rounding_and_momentum_exactly_by_a_release_and_a_return():
