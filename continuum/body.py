@@ -366,6 +366,10 @@ class Body:
         """Cells' shape functions at points; see `location.shape_functions` (collective)."""
         return location.shape_functions(self, points, gradients)
 
+    def owners(self, points) -> np.ndarray:
+        """Ranks that own the cells of points; see `location.owners` (collective)."""
+        return location.owners(self, points)
+
     def strain_fields(self) -> dict[str, fem.Function]:
         """Cell-wise strain measures for output; see `fields.strain_fields` (collective)."""
         return fields.strain_fields(self)

@@ -50,6 +50,24 @@ def shape_functions(body: Any, points, gradients: bool = False) -> tuple[np.ndar
     return nodes[mine].copy(), values[mine].copy(), found
 
 
+def owners(body: Any, points) -> np.ndarray:
+    """Rank (k,) that owns the cell in which each point lies, -1 outside the mesh (collective; the same points on every rank).
+
+    Points on edges go to the same cell as in `shape_functions`.
+
+    Args:
+        body: the Body.
+        points: (k, axes) in m.
+    """
+    order = _owned_cells(body, np.asarray(points, dtype=float), False)[0]
+    best = np.empty_like(order)
+    body.comm.Allreduce(order, best, op=MPI.MIN)
+    mine = np.where((order == best) & (order < np.iinfo(np.int64).max), body.comm.rank, -1)
+    found = np.empty_like(mine)
+    body.comm.Allreduce(mine, found, op=MPI.MAX)
+    return found
+
+
 def _owned_cells(body: Any, points: np.ndarray, gradients: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Original number of the containing cell owned here (int64 maximum: none), its global nodes and the values."""
     width = body._all_nodes.shape[1]

@@ -6,7 +6,7 @@ import contextlib
 
 import numpy as np
 
-from . import _compat
+from . import _compat, partition
 
 SOIL, REGION = 1, 2  # cell tags of the meshes made here
 OPTIONS = [  # set here
@@ -47,30 +47,33 @@ def session():
                 gmsh.option.setNumber(name, value)
 
 
-def mesh_of(build, comm):
+def mesh_of(build, comm, costs=None):
     """Mesh, cell tags and facet tags of the model that `build(gmsh)` makes on rank 0; its ValueError on every rank.
 
-    `build` returns the number of dimensions.
+    `build` returns the number of dimensions; `costs` as for `domains.rectangle`.
     """
     try:
         from dolfinx.io import gmshio
     except ImportError:
         raise ValueError("this dolfinx has no gmshio; install python3-gmsh or use a structured mesh") from None
-    error, axes = None, 2
+    error, axes, known_by = None, 2, None
     with contextlib.ExitStack() as stack:
         gmsh = None
         if comm.rank == 0:
             try:
                 gmsh = stack.enter_context(session())
                 axes = build(gmsh)
+                if costs is not None and comm.size > 1:
+                    corners = _compat.gmsh_cell_corners(gmshio, gmsh.model, axes)
+                    known_by = partition.destinations(corners, costs, comm.size)
             except ModuleNotFoundError:
                 error = "gmsh is not installed; install python3-gmsh or use a structured mesh"
             except Exception as failure:  # ours, or a bare Exception of gmsh: every rank must hear of it
                 error = str(failure) if isinstance(failure, ValueError) else f"gmsh failed: {failure}"
-        error, axes = comm.bcast((error, axes), root=0)
+        error, axes, known_by = comm.bcast((error, axes, known_by), root=0)
         if error is not None:
             raise ValueError(error)
-        return gmshio.model_to_mesh(None if gmsh is None else gmsh.model, comm, 0, gdim=axes)
+        return _compat.model_to_mesh(gmshio, None if gmsh is None else gmsh.model, comm, axes, known_by)
 
 
 def foundation_geometry(gmsh, width, depth, plate, corners) -> None:

@@ -1,6 +1,7 @@
 """Meshes with named parts: structured rectangles and boxes, graded gmsh meshes, a user's own .msh file.
 
-Needs dolfinx, and gmsh where it meshes or reads. All functions are collective; rank 0 builds, dolfinx distributes.
+Needs dolfinx, and gmsh where it meshes or reads. All functions are collective; rank 0 builds, dolfinx distributes: by its
+graph partitioner, all cells alike, or by what the caller says that they cost.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from . import _compat, _gmsh
+from . import _compat, _gmsh, partition
 from ._gmsh import REGION, SOIL
 from .regions import RELATIVE_TOLERANCE
 
@@ -66,7 +67,13 @@ def _tagged(tags, names: dict[str, tuple[int, ...]], name: str, kind: str) -> np
 
 
 def rectangle(
-    lower, upper, cells=(18, 9), cell="quadrilateral", plate: float | None = None, comm=MPI.COMM_WORLD
+    lower,
+    upper,
+    cells=(18, 9),
+    cell="quadrilateral",
+    plate: float | None = None,
+    comm=MPI.COMM_WORLD,
+    costs: partition.Costs | None = None,
 ) -> Domain:
     """Structured rectangle of equal cells; facets are called left, right, bottom, top (and plate).
 
@@ -77,9 +84,15 @@ def rectangle(
         cell: "quadrilateral" or "triangle" (two a rectangle).
         plate: width (m) of the strip in the middle of the top called "plate"; only facets wholly under it count.
         comm: MPI communicator.
+        costs: function of the corners (cells, nodes, axes) of all cells (m) giving their costs (cells,), particles and all; the ranks
+            then get cells of even cost, side by side. Called on rank 0.
     """
     lower, upper, counts = _structure(lower, upper, cells, cell, 2)
-    mesh = dmesh.create_rectangle(comm, [lower, upper], counts, getattr(dmesh.CellType, cell))
+
+    def make(comm, **spread):
+        return dmesh.create_rectangle(comm, [lower, upper], counts, getattr(dmesh.CellType, cell), **spread)
+
+    mesh = _spread(make, comm, costs)
     middle = 0.5 * (lower[0] + upper[0])
     span = None
     if plate is not None:
@@ -89,7 +102,25 @@ def rectangle(
     return _named(mesh, lower, upper, span)
 
 
-def box(lower, upper, cells=(10, 10, 10), cell="hexahedron", comm=MPI.COMM_WORLD) -> Domain:
+def _spread(make, comm, costs: partition.Costs | None):
+    """The mesh that `make` gives on a communicator, its cells shared out by their costs."""
+    if costs is None or comm.size == 1:
+        return make(comm)
+    known_by, error = None, None
+    if comm.rank == 0:
+        try:
+            known_by = partition.destinations(_compat.cell_corners(make(MPI.COMM_SELF)), costs, comm.size)
+        except ValueError as failure:
+            error = str(failure)
+    known_by, error = comm.bcast((known_by, error), root=0)
+    if error is not None:
+        raise ValueError(error)
+    return make(comm, partitioner=_compat.partitioner(known_by))
+
+
+def box(
+    lower, upper, cells=(10, 10, 10), cell="hexahedron", comm=MPI.COMM_WORLD, costs: partition.Costs | None = None
+) -> Domain:
     """Structured box of equal cells; facets are called left, right (x), front, back (y), bottom, top (z).
 
     Args:
@@ -97,10 +128,14 @@ def box(lower, upper, cells=(10, 10, 10), cell="hexahedron", comm=MPI.COMM_WORLD
         upper: the opposite corner (m).
         cells: number of cells along x, y and z.
         cell: "hexahedron" or "tetrahedron" (six a box).
-        comm: MPI communicator.
+        comm, costs: as for `rectangle`.
     """
     lower, upper, counts = _structure(lower, upper, cells, cell, 3)
-    return _named(dmesh.create_box(comm, [lower, upper], counts, getattr(dmesh.CellType, cell)), lower, upper, None)
+
+    def make(comm, **spread):
+        return dmesh.create_box(comm, [lower, upper], counts, getattr(dmesh.CellType, cell), **spread)
+
+    return _named(_spread(make, comm, costs), lower, upper, None)
 
 
 def _structure(lower, upper, cells, cell: str, axes: int) -> tuple[np.ndarray, np.ndarray, list[int]]:
@@ -126,6 +161,7 @@ def foundation(
     region=None,
     cell: str = "triangle",
     comm=MPI.COMM_WORLD,
+    costs: partition.Costs | None = None,
 ) -> Domain:
     """Soil (0, 0)-(width, depth) under a centred strip plate, meshed by gmsh and graded towards the plate.
 
@@ -137,7 +173,7 @@ def foundation(
         size_near: element size at the plate (m).
         region: convex region with `corners` (a Box) whose outline no element crosses; its cells are called "region".
         cell: "triangle" or "quadrilateral".
-        comm: MPI communicator.
+        comm, costs: as for `rectangle`.
     """
     for name, value in (("width", width), ("depth", depth), ("plate", plate), ("size", size), ("size_near", size_near)):
         if not (np.isfinite(value) and value > 0):
@@ -160,7 +196,7 @@ def foundation(
         gmsh.model.mesh.generate(2)
         return 2
 
-    mesh, cell_tags = _gmsh.mesh_of(build, comm)[:2]
+    mesh, cell_tags = _gmsh.mesh_of(build, comm, costs)[:2]
     half = 0.5 * plate
     named = _named(mesh, np.zeros(2), np.array([width, depth]), (0.5 * width - half, 0.5 * width + half))
     names: dict[str, tuple[int, ...]] = {"soil": (SOIL, REGION)}
@@ -169,12 +205,12 @@ def foundation(
     return Domain(mesh, cell_tags, named.facet_tags, names, named.facet_names)
 
 
-def read(path, comm=MPI.COMM_WORLD) -> Domain:
+def read(path, comm=MPI.COMM_WORLD, costs: partition.Costs | None = None) -> Domain:
     """A user's own gmsh mesh (.msh) of plane triangles or quadrilaterals, or of tetrahedra or hexahedra.
 
     Physical groups give the names of cells and facets; left, right, bottom and top (in space also front and back) are added by
-    position where the file does not name them. Where it holds volume elements, plane ones only name facets. ValueError with
-    one sentence where the file is missing, unreadable, empty or has other elements.
+    position where the file does not name them. Where it holds volume elements, plane ones only name facets. `costs` as for
+    `rectangle`. ValueError with one sentence where the file is missing, unreadable, empty or has other elements.
     """
     if not isinstance(path, (str, os.PathLike)):
         raise ValueError(f"mesh={path!r} must be the path of a .msh file")
@@ -192,7 +228,7 @@ def read(path, comm=MPI.COMM_WORLD) -> Domain:
         found["cells"], found["facets"] = _gmsh.physical_names(gmsh, axes)
         return axes
 
-    mesh, cell_tags, facet_tags = _gmsh.mesh_of(build, comm)
+    mesh, cell_tags, facet_tags = _gmsh.mesh_of(build, comm, costs)
     found = comm.bcast(found, root=0)
     named = Domain(mesh, cell_tags, facet_tags, found["cells"], found["facets"])
     lower, upper = named.bounds

@@ -46,8 +46,8 @@ class SharedAssembly(Gathered):
         make: makes the whole scene, walls and all, the same on every rank.
         comm: the ranks.
         room: numbers that loops of the caller sum over the ranks in a step.
-        limit: growth of the imbalance (work of the busiest rank over the mean) at which the work is shared out anew; None
-            keeps all particles where they are.
+        limit: growth of the imbalance (work of the busiest rank over the mean) at which the work is shared out anew.
+        owner: (n,) the rank that each particle, by id, belongs to for good; shared out by work when None.
         whole: what `make` makes, where rank 0 has it already.
 
     Attributes:
@@ -57,10 +57,10 @@ class SharedAssembly(Gathered):
     """
 
     def __init__(
-        self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, room: int = 0, limit: float | None = LIMIT,
-        whole: Assembly | None = None,
+        self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, room: int = 0, limit: float = LIMIT,
+        owner: np.ndarray | None = None, whole: Assembly | None = None,
     ) -> None:  # fmt: skip
-        self.comm, self._make, self._room, self._limit = comm, make, room, limit
+        self.comm, self._make, self._room, self._limit, self._owner = comm, make, room, limit, owner
         self.whole = make() if comm.rank == 0 and whole is None else whole
         self._requests: list[Any] = []
         self._seconds = np.zeros(2)
@@ -80,17 +80,21 @@ class SharedAssembly(Gathered):
         if comm.rank > 0:  # what has been summed so far is rank 0's
             part._imposed = 0.0
             part._system.sums[:] = 0.0
-        self.owners = Owners(MPI.COMM_SELF if comm.size == 1 else comm, self._limit or LIMIT)
+        self.owners = Owners(MPI.COMM_SELF if comm.size == 1 else comm, self._limit)
         self.ids = np.arange(self.count)
         self._known = all_pairs(part, self.ids, self.count)
-        places, scale, _ = self._units()
-        mine = slice(None) if comm.rank == 0 else slice(0)  # of the particles that all ranks have
-        self.owners.cut(places[mine], self._weights()[mine], scale)
-        owner = self.owners.of(places)
-        own = loaded(part, self.ids, np.flatnonzero(owner[part._rows] == comm.rank), self._known)
+        owner = self._shared_out() if self._owner is None else self._owner
+        own = loaded(part, self.ids, np.flatnonzero(owner == comm.rank), self._known)
         self.ids, self._known = unload(part, [own], self.count)
         part._calling = CALLING
         self.rebuild()
+
+    def _shared_out(self) -> np.ndarray:
+        """Rank (n,) of each particle by id, where all ranks have all of them: boxes of even work."""
+        places, scale, _ = self._units()
+        mine = slice(None) if self.comm.rank == 0 else slice(0)
+        self.owners.cut(places[mine], self._weights()[mine], scale)
+        return self.owners.of(places)[self.part._rows]
 
     def restore(self, state: dict[str, Any] | None) -> None:
         """Go on from a state of `particles.state.state_of` of the whole scene, which rank 0 has.
@@ -117,7 +121,7 @@ class SharedAssembly(Gathered):
         if self._border is not None:
             self._file_breaks()
             self._known = self._border_pairs()
-            if self._limit is not None and self.comm.size > 1:
+            if self._owner is None and self.comm.size > 1:
                 self._hand_over()
         self._together(lambda: listing.rebuild(part))
         part._set_skin(self.comm.allreduce(part.skin, op=MPI.MAX))

@@ -31,7 +31,7 @@ from studies.foundation_models import (
     on_root_only,
 )
 from studies.foundation_shared import SharedParticleFoundation
-from studies.foundation_steps import fit_substeps, warn_of_growth
+from studies.foundation_steps import COARSE_RATIO, fit_substeps, warn_of_growth
 from studies.snapshots import Snapshot
 
 
@@ -122,8 +122,11 @@ class BridgedFoundation(CoupledFoundation):
         if self.everywhere and nested is None:
             nested = scene.nested_particles(p)
         self.soil, self.ghosts, self._share = nested or (no_particles(p), np.zeros(0, dtype=bool), np.zeros(0))
-        self.body = scene.body(p, self.material, comm, excluded=scene.particle_region(p))
-        self._substeps = self._plan_both(on_root(comm, lambda: self.soil.critical_step()))
+        critical = on_root(comm, lambda: self.soil.critical_step())
+        self.body = scene.body(
+            p, self.material, comm, excluded=scene.particle_region(p), costs=self._element_costs(self._fine_step(critical))
+        )
+        self._substeps = self._plan_both(critical)
         mean_radius = float(np.mean(on_root(comm, lambda: self.soil.radii)))
         warn_of_growth(p, self._substeps, self.step / self.step_sizes["coarse_critical"], mean_radius)
         self.coupled = self._couple()
@@ -134,6 +137,10 @@ class BridgedFoundation(CoupledFoundation):
             "particles": particles, "ghosts": ghosts, "elements": comm.allreduce(len(self.body.cell_nodes)),
             "covered_elements": covered, "coarse_steps": self.steps, "fine_steps": self.steps * self._substeps,
         }  # fmt: skip
+
+    def _element_costs(self, fine: float) -> Any:
+        """Costs by which the mesh is spread over the ranks, None for elements alone; `fine` is the particles' step, s."""
+        return None
 
     def _couple(self) -> BridgingScale:
         return BridgingScale(
@@ -153,15 +160,29 @@ class BridgedFoundation(CoupledFoundation):
 
 
 class SharedBridgedFoundation(BridgedFoundation):
-    """The same with the particles spread over the ranks; made from a coupling that every rank has with all particles."""
+    """The same with the particles spread over the ranks; made from a coupling that every rank has with all particles.
+
+    Each rank has the particles of its own elements. These are known by the particles' places at the start, as N is: what
+    wanders makes halos longer, and changes neither N nor who has which particles.
+    """
 
     everywhere = True
 
     def __init__(self, p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> None:
         super().__init__(p, stopwatch, comm)
         self._stopwatch = stopwatch
-        self._spread(SharedAssembly(self._particles, comm, room=3 * len(self.coupled.fine.interface), limit=None))
+        self._spread(self._share_out())
         self._watch(stopwatch)
+
+    def _element_costs(self, fine: float) -> Any:
+        speed = math.sqrt(float(np.abs(self.material.stiffness).max()) / self.material.density)
+        substeps = self.p.substeps or max(1, round(COARSE_RATIO * self.p.element_size / speed / fine))  # about as many
+        return scene.element_costs(self.soil.reference, substeps)
+
+    def _share_out(self) -> SharedAssembly:
+        """The particles, each on the rank that owns its element."""
+        owner = self.body.owners(self.soil.reference)
+        return SharedAssembly(self._particles, self.comm, room=3 * len(self.coupled.fine.interface), owner=owner)
 
     def _particles(self) -> Any:
         soil, ghosts, _ = scene.nested_particles(self.p)
@@ -211,7 +232,7 @@ class SharedBridgedFoundation(BridgedFoundation):
         self.soil = self._particles()
         self.coupled = self._couple()
         super().restore(state)
-        shared = SharedAssembly(self._particles, self.comm, room=3 * len(self.coupled.fine.interface), limit=None)
+        shared = self._share_out()
         shared.restore(state["particles"])
         initial = self.coupled._initial
         self._spread(shared)
