@@ -179,7 +179,11 @@ class FineScale(ParticleSide):
         force[self._led.rows] -= self._led.load
         return force
 
-    def fit_covered(self, values: Array, nodal: Array) -> Array:
+    def fit_covered(self, owned: Array, values: Array, rule: Any) -> None:
+        """Fit the covered nodes among nodal values (owned nodes, 3) to the free particles' (free, 3), others held (collective)."""
+        rule.assign(owned, self._fitted(values, rule.exchange.gather(owned)), self.covered)
+
+    def _fitted(self, values: Array, nodal: Array) -> Array:
         """Nodal values (needed nodes, 3) with those of covered nodes fitted to the free particles' (free, 3), others held."""
         nodal = np.array(nodal)
         if not self.soil.count or not self.covered.any():

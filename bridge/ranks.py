@@ -14,7 +14,8 @@ import numpy as np
 import scipy.sparse as sparse
 
 from bridge.bridging_scale import BridgingScale
-from bridge.fine import FineScale
+from bridge.fine import Array, FineScale
+from bridge.spread_projection import SpreadProjection
 from particles.exchange import SharedAssembly
 
 
@@ -62,10 +63,26 @@ class SharedScale(FineScale):
         self._saved, self.reaction, self._multiplier = whole._saved[mine], whole.reaction[mine], whole._multiplier[mine]
         self._ghost_acceleration, self._shift = whole._ghost_acceleration[mine], whole._shift[mine]
         self._first_rank = shared.comm.rank == 0
+        self._projection_of_all: SpreadProjection | None = None
         self.rearrange()
 
     def across(self) -> tuple[Any, Any]:
         return self.soil.shared.across
+
+    def fit_covered(self, owned: Array, values: Array, rule: Any) -> None:
+        if self._projection_of_all is None:
+            covered = np.zeros((len(owned), 1))
+            rule.exchange.scatter(self.covered.astype(float)[:, None], covered)
+            counting = np.ones((len(self._weights), 1))
+            counting[self.ids] = 0.0  # ghosts follow the mesh
+            weights = counting * self._weights
+            self._projection_of_all = SpreadProjection(
+                rule.body.comm, rule.body.owned_range, self._shape, rule.exchange.nodes, weights[:, 0], weights[:, 2],
+                covered[:, 0] > 0.0,
+            )  # fmt: skip
+        by_id = np.zeros((len(self._weights), 3))
+        by_id[self._row_ids[self._free]] = values
+        owned[:] = self._projection_of_all.coarse(by_id, owned)
 
     @property
     def lost_by_nodes(self) -> float:

@@ -86,7 +86,7 @@ class Rule:
         if velocities:
             pairs.append((body.velocity, fine.velocity()))
         for owned, values in pairs:
-            self.assign(owned, fine.fit_covered(values, self.exchange.gather(owned)), self.covered)
+            fine.fit_covered(owned, values, self)
 
     def run(self, steps: int) -> None:
         """Take coarse steps (collective)."""

@@ -219,7 +219,8 @@ class SharedBridgedFoundation(BridgedFoundation):
             coupled.fine = coupled.rule.fine = own
 
     def snapshot(self) -> Snapshot:
-        return self._with_whole(super().snapshot)
+        self.coupled.project_covered()  # by all ranks
+        return self._with_whole(super(BridgedFoundation, self).snapshot)
 
     def state(self) -> dict[str, Any]:
         found = self._with_whole(super().state)
