@@ -194,7 +194,7 @@ class Manifold:
         rows = np.flatnonzero(self.lattice.needed).astype(np.int32)
         self._elements = steps.Elements(
             self.grid.nodes, self._stiffness.number, self._stiffness.matrices, active,
-            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, self._gradient, np.zeros(48), self._inertia,
+            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, self._gradient, np.zeros(24), self._inertia,
         )  # fmt: skip
 
     def _arrange_driving(self) -> None:

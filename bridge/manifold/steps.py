@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from bridge.manifold.inertia import spread
+from bridge.manifold.inertia import SUMMED, spread
 from particles.lattice import motion
 from particles.lattice.general import shear_of, stiffness_of
 from particles.lattice.state import BROKEN, EXPLICIT, NONE
@@ -38,7 +38,7 @@ class Elements(NamedTuple):
     slot: Any  # (carried,) int32 place in it
     shape: Any  # (slots, 8) shape functions of the places
     gradient: Any  # (slots, 8, 3) their gradients, 1/m
-    room: Any  # (48,)
+    room: Any  # (24,)
     inertia: Any  # None (lumped mass) or Inertia
 
 
@@ -57,26 +57,29 @@ def carry(state, nodes, elements):
             state.velocity[a, i] = v
 
 
-@njit(**KERNEL)
+@njit(**SUMMED)
 def element_forces(nodes, elements):
-    """Nodal forces - K u of all elements, written into `force`."""
-    f, u, room = nodes.force, nodes.displacement, elements.room
+    """Nodal forces - K u of all elements, written into `force`; three rows of a matrix at a time, each a sum of vectors."""
+    f, u, moved = nodes.force, nodes.displacement, elements.room
     for a in range(3):
         for i in range(f.shape[1]):
             f[a, i] = 0.0
     for q in range(len(elements.active)):
         e = elements.active[q]
         matrix = elements.stiffness[elements.kind[e]]
-        for c in range(24):
-            room[24 + c] = 0.0
         for c in range(8):
             for a in range(3):
-                moved = u[a, elements.node[e, c]]
-                for r in range(24):
-                    room[24 + r] += matrix[3 * c + a, r] * moved
+                moved[3 * c + a] = u[a, elements.node[e, c]]
         for c in range(8):
-            for a in range(3):
-                f[a, elements.node[e, c]] -= room[24 + 3 * c + a]
+            x = y = z = 0.0
+            for r in range(24):
+                x += matrix[3 * c, r] * moved[r]
+                y += matrix[3 * c + 1, r] * moved[r]
+                z += matrix[3 * c + 2, r] * moved[r]
+            node = elements.node[e, c]
+            f[0, node] -= x
+            f[1, node] -= y
+            f[2, node] -= z
 
 
 @njit(**KERNEL)
