@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from bridge.manifold.inertia import spread
+from bridge.manifold.inertia import SUMMED, spread
 from particles.lattice import motion
 from particles.lattice.general import shear_of, stiffness_of
 from particles.lattice.state import BROKEN, EXPLICIT, NONE
@@ -59,28 +59,31 @@ def carry(state, nodes, elements):
             state.velocity[a, i] = v
 
 
-@njit(**KERNEL)
+@njit(**SUMMED)
 def element_forces(nodes, elements):
-    """Nodal forces - K u of all elements, written into `force`."""
-    f, u, room = nodes.force, nodes.displacement, elements.room
+    """Nodal forces - K u of all elements, written into `force`; all rows of a corner at a time, each a sum of vectors."""
+    f, u, moved = nodes.force, nodes.displacement, elements.room
     axes, corners = len(elements.axes), len(elements.corners)
-    dofs = axes * corners
     for a in range(3):
         for i in range(f.shape[1]):
             f[a, i] = 0.0
     for q in range(len(elements.active)):
         e = elements.active[q]
         matrix = elements.stiffness[elements.kind[e]]
-        for r in range(dofs):
-            room[r] = 0.0
         for c in range(corners):
             for a in range(axes):
-                moved = u[a, elements.node[e, c]]
-                for r in range(dofs):
-                    room[r] += matrix[axes * c + a, r] * moved
+                moved[axes * c + a] = u[a, elements.node[e, c]]
         for c in range(corners):
-            for a in range(axes):
-                f[a, elements.node[e, c]] -= room[axes * c + a]
+            x = y = z = 0.0
+            for r in range(axes * corners):
+                x += matrix[axes * c, r] * moved[r]
+                y += matrix[axes * c + 1, r] * moved[r]
+                if axes == 3:
+                    z += matrix[axes * c + 2, r] * moved[r]
+            node = elements.node[e, c]
+            f[0, node] -= x
+            f[1, node] -= y
+            f[2, node] -= z
 
 
 @njit(**KERNEL)
