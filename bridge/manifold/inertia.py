@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 
 from continuum import bricks
-from particles.system import KERNEL, STEPS
+from particles.system import FAST, KERNEL, STEPS
 
-SUMMED = {**KERNEL, "fastmath": {*KERNEL["fastmath"], "reassoc"}}  # sums in any order: vector code
+SUMMED: dict[str, Any] = {**KERNEL, "fastmath": {*FAST, "reassoc"}}  # sums in any order: vector code
 HEAVIEST = 26.0 / 27.0  # largest eigenvalue of M_L^-1 (M_L - M_C): all nodes of a regular mesh in turn against each other; in the plane 8/9
 TURNS = 7  # of the iteration for the momenta; each leaves a tenth of the error, 1e-14 of it in the energy after all
 
