@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import signal
 import time
+import weakref
 from collections.abc import Callable
 from itertools import count
 from typing import Any, TypeVar
@@ -120,6 +121,33 @@ def crew() -> Crew | None:
 def ranks() -> int:
     """How many ranks do the steps of a script that runs here."""
     return 1 if _crew is None else _crew.comm.size
+
+
+class Placed:
+    """Something that all ranks have a part of, which rank 0 asks to do something; without others that follow, rank 0 has it alone.
+
+    Args:
+        make: makes a rank's part from its communicator and the arguments; what goes wrong in it does so on all ranks.
+        arguments: are sent to all ranks.
+
+    Attributes:
+        own: the part of this rank.
+    """
+
+    def __init__(self, make: Callable[..., Any], *arguments: Any) -> None:
+        self._crew, self._number = crew(), -1
+        if self._crew is None:
+            self.own = make(MPI.COMM_SELF, *arguments)
+            return
+        self._number = self._crew.new()
+        self.own = self._crew.place(self._number, make, *arguments)
+        weakref.finalize(self, self._crew.forget, self._number)
+
+    def ask(self, name: str, *arguments: Any) -> Any:
+        """Let all ranks do something, by the name of a method; the result of rank 0."""
+        if self._crew is None:
+            return getattr(self.own, name)(*arguments)
+        return self._crew.order(self._number, name, *arguments)
 
 
 def lead(work: Callable[[], Result], comm: Any = MPI.COMM_WORLD) -> Result:

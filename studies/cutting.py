@@ -207,14 +207,19 @@ def sites(p: Parameters) -> tuple[np.ndarray, np.ndarray]:
 
 def bonded(p: Parameters, kept: Any = slice(None)) -> Any:
     """Discs of the block, or those of them that are kept, bonded as they lie, under the pick."""
+    centres, radii = sites(p)
+    rock = discs(p, centres[kept], radii[kept])
+    rock.bond(p.bond_reach)
+    return rock
+
+
+def discs(p: Parameters, centres: np.ndarray, radii: np.ndarray) -> Any:
+    """Discs of the rock without bonds."""
     from particles import Assembly
     from particles.laws.bonded import Bonded
 
-    centres, radii = sites(p)
     law = Bonded(p.normal_stiffness, p.shear_stiffness, p.strength, p.strength, friction=p.friction)
-    rock = Assembly(centres[kept], radii[kept], p.density, law)
-    rock.bond(p.bond_reach)
-    return rock
+    return Assembly(centres, radii, p.density, law)
 
 
 def region(p: Parameters, above: float = 0.0) -> Any:
@@ -232,7 +237,7 @@ def zone(p: Parameters) -> Any:
     return OverlapZone.within(region(p, 3.0 * p.size[1]), p.overlap)
 
 
-def body(p: Parameters, share: Any) -> Any:
+def body(p: Parameters, share: Any, comm: Any) -> Any:
     """The continuum, held at its sides and its bottom."""
     from continuum import Body, Cauchy
     from meshes import domains
@@ -240,7 +245,7 @@ def body(p: Parameters, share: Any) -> Any:
     width, height = p.size
     cells = tuple(round(side / p.cell_size) for side in p.size)
     rock = Cauchy(p.young_modulus, p.poisson_ratio, p.density * (1.0 - p.porosity))
-    found = Body(domains.rectangle((-0.5 * width, -height), (0.5 * width, 0.0), cells), rock, share=share)
+    found = Body(domains.rectangle((-0.5 * width, -height), (0.5 * width, 0.0), cells, comm=comm), rock, share=share)
     for side in ("left", "right", "bottom"):
         found.fix(side, "xy")
     return found

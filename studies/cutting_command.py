@@ -15,7 +15,6 @@ from studies.options import (
     click_options,
     no_fields_option,
     no_figures_option,
-    one_rank,
     output_option,
     quiet_option,
     resume_option,
@@ -57,8 +56,6 @@ def command(
     if start is not None:
         parameters, options = start.parameters, start.options
     wanted = [dataclasses.replace(parameters, method=method) for method in METHODS] if compare else [parameters]
-    if wanted[-1].method != "dem":
-        one_rank("cutting with a continuum (overlap)")
 
     def script() -> str:
         from studies.cutting_run import Finished, carry_out

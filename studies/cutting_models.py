@@ -8,14 +8,34 @@ from typing import Any
 
 import numpy as np
 
-from bridge import Overlap, kept
-from particles.spread import restore, spread
+from bridge import Overlap
+from bridge.run import Stopwatch, on_root
+from particles.crew import Placed
+from particles.spread import parallel, restore, spread
 from particles.state import State, state_of
 from studies import cutting as scene
 from studies.cracks import fragments
 from studies.cutting import Parameters
+from studies.snapshots import ContinuumFields, continuum_fields
 
 COARSE_RATIO = 0.6  # largest step of the continuum as a share of its critical step
+
+
+def critical_step(p: Parameters, soil: Any, alone: float) -> float:
+    """Critical step of the discs, s, from the one without the pick.
+
+    A contact with the pick, far from the zone, adds k / m to the square of the largest frequency at most (Weyl); damping against
+    the motion adds up to its share to the forces that turn a vibration round.
+    """
+    added = p.tool_stiffness / (p.density * math.pi * float(soil.radii.min()) ** 2)
+    return 2.0 / math.sqrt(((2.0 / alone) ** 2 + added) * (1.0 + p.damping))
+
+
+def armed(p: Parameters, soil: Any) -> Any:
+    """The pick, which the discs know from now on."""
+    pick = scene.pick(p)
+    soil.add_wall(pick)
+    return pick
 
 
 class Block:
@@ -30,25 +50,12 @@ class Block:
     steps: int
     counts: dict[str, int]
     step_sizes: dict[str, float]
+    pick: Any
     body: Any = None
 
     def __init__(self, p: Parameters) -> None:
         self.p = p
         self._before = 0.0, 0.0
-
-    def _fine(self, critical: float) -> float:
-        """Step of the discs, s, from the critical one without the pick.
-
-        A contact with the pick, far from the zone, adds k / m to the square of the largest frequency at most (Weyl); damping against
-        the motion adds up to its share to the forces that turn a vibration round.
-        """
-        added = self.p.tool_stiffness / (self.p.density * math.pi * float(self.soil.radii.min()) ** 2)
-        self.critical = 2.0 / math.sqrt(((2.0 / critical) ** 2 + added) * (1.0 + self.p.damping))
-        return self.p.step_ratio * self.critical
-
-    def _arm(self) -> None:
-        self.pick = scene.pick(self.p)
-        self.soil.add_wall(self.pick)
 
     def sample(self) -> dict[str, float]:
         """Forces, cracks and energies now; the cutting force is the mean since the last sample.
@@ -99,6 +106,14 @@ class Block:
     def _restore(self, state: State) -> None:
         restore(self.soil, state["particles"])
 
+    def continuum(self) -> ContinuumFields | None:
+        """Fields of the continuum, where there is one."""
+        return None
+
+    def parallel(self) -> dict[str, Any]:
+        """How the work is shared out over the ranks; empty on one."""
+        return parallel(self.soil)
+
     def loose(self) -> np.ndarray:
         """Fragment (n,) of each disc; 0 is the block."""
         return fragments(self.soil)
@@ -114,13 +129,14 @@ class ParticleBlock(Block):
         x, y = self.soil.reference.T
         reach = scene.HELD * scene.RADII[1]
         self.soil.hold(np.flatnonzero((np.abs(x) > 0.5 * width - reach) | (y < reach - height)))
-        self.step = self._fine(self.soil.critical_step(sharp=True, contact_range=p.bond_reach))
+        critical = critical_step(p, self.soil, self.soil.critical_step(sharp=True, contact_range=p.bond_reach))
+        self.step = p.step_ratio * critical
         self.steps = math.ceil(p.duration / self.step)
-        self._arm()
+        self.pick = armed(p, self.soil)
         self.counts = {
             "particles": self.soil.count, "bonds": len(self.soil.bonds), "elements": 0, "coarse_steps": 0, "fine_steps": self.steps
         }  # fmt: skip
-        self.step_sizes = {"fine": self.step, "fine_critical": self.critical}
+        self.step_sizes = {"fine": self.step, "fine_critical": critical}
 
     @property
     def time(self) -> float:
@@ -134,46 +150,101 @@ class ParticleBlock(Block):
         return terms | {"external_work": terms["wall_work"], "balance": self.soil.energy_balance()}
 
 
+class OverlapParts:
+    """Discs where the pick cuts and the continuum elsewhere, spread over the ranks; every method is collective.
+
+    Args:
+        comm: the ranks; rank 0 makes the discs.
+        p: parameters.
+    """
+
+    def __init__(self, comm: Any, p: Parameters) -> None:
+        try:
+            self._make(comm, p)
+        except ValueError as failure:
+            failure.on_all_ranks = True  # type: ignore[attr-defined]
+            raise
+
+    def _make(self, comm: Any, p: Parameters) -> None:
+        self.soil = scene.discs(p, np.zeros((0, 2)), np.zeros(0))
+        on_root(comm, lambda: self._fill(p))
+        zone = scene.zone(p)
+        self.body = scene.body(p, zone, comm)
+        options: dict[str, Any] = {"vector_damping": (p.damping, p.damping)} if p.damping else {}
+        coarse = self.body.critical_step("power")
+        alone = Overlap(self.body, self.soil, zone, step=1e-3 * coarse, **options).critical_step(sharp=True)
+        critical = on_root(comm, lambda: critical_step(p, self.soil, alone))
+        fine = p.step_ratio * critical
+        self.substeps = max(1, int(COARSE_RATIO * coarse / fine))
+        self.step = self.substeps * fine
+        self.step_sizes = {"coarse": self.step, "coarse_critical": coarse, "fine": fine, "fine_critical": critical}
+        self.pick = armed(p, self.soil) if comm.rank == 0 else None
+        self.coupled = Overlap(self.body, self.soil, zone, step=self.step, substeps=self.substeps, spread=True, **options)
+        self._watch = Stopwatch()
+        self.coupled.fine.run_loop = self._watch.part("particles", self.coupled.fine.run_loop)
+        self.counts = {
+            "particles": self.soil.count, "tied": comm.allreduce(len(self.coupled.tie.ids)), "bonds": len(self.soil.bonds),
+            "elements": comm.allreduce(len(self.body.cell_nodes)),
+        }  # fmt: skip
+        self.energies, self.state, self.restore = self.coupled.energies, self.coupled.state, self.coupled.restore
+        self.advance, self.collect, self.release = self.coupled.advance, self.coupled.collect, self.coupled.release
+
+    def _fill(self, p: Parameters) -> None:
+        centres, _ = scene.sites(p)
+        self.soil = scene.bonded(p, scene.region(p).distance(centres) <= 0.0)
+
+    def continuum(self) -> ContinuumFields | None:
+        """Fields of the continuum, on rank 0."""
+        return continuum_fields(self.body)
+
+    def parallel(self) -> dict[str, Any]:
+        """How the work is shared out."""
+        return self.coupled.parallel(self._watch.parts.get("particles", 0.0))
+
+
 class OverlapBlock(Block):
     """Discs where the pick cuts, the continuum elsewhere."""
 
     def __init__(self, p: Parameters) -> None:
         super().__init__(p)
-        centres, _ = scene.sites(p)
-        self.soil = scene.bonded(p, scene.region(p).distance(centres) <= 0.0)
-        zone = scene.zone(p)
-        self.body = scene.body(p, zone)
-        options: dict[str, Any] = {"vector_damping": (p.damping, p.damping)} if p.damping else {}
-        coarse = self.body.critical_step("power")
-        trial = Overlap(self.body, self.soil, zone, step=1e-3 * coarse, **options)
-        fine = self._fine(trial.critical_step(sharp=True))
-        substeps = max(1, int(COARSE_RATIO * coarse / fine))
-        self.step = substeps * fine
+        self._all = Placed(OverlapParts, p)
+        parts = self._all.own
+        self._soil, self._fresh = parts.soil, True
+        self.body, self.pick, self.step, self.step_sizes = parts.body, parts.pick, parts.step, parts.step_sizes
         self.steps = math.ceil(p.duration / self.step)
-        self._arm()
-        self.coupled = Overlap(self.body, self.soil, zone, step=self.step, substeps=substeps, **options)
-        self.counts = {
-            "particles": self.soil.count, "tied": len(self.coupled.tie.ids), "bonds": len(self.soil.bonds),
-            "elements": len(self.body.cell_nodes), "coarse_steps": self.steps, "fine_steps": substeps * self.steps,
-        }  # fmt: skip
-        self.step_sizes = {"coarse": self.step, "coarse_critical": coarse, "fine": fine, "fine_critical": self.critical}
+        self.counts = parts.counts | {"coarse_steps": self.steps, "fine_steps": parts.substeps * self.steps}
+
+    @property
+    def soil(self) -> Any:  # type: ignore[override]
+        """The discs as they are now."""
+        if not self._fresh:
+            self._all.ask("collect")
+            self._fresh = True
+        return self._soil
 
     @property
     def time(self) -> float:
-        return self.coupled.time
+        return self._all.own.coupled.time
 
     def advance(self, steps: int) -> None:
-        self.coupled.advance(steps)
+        self._fresh = False
+        self._all.ask("advance", steps)
 
     def energies(self) -> dict[str, float]:
-        terms = self.coupled.energies()
+        terms = self._all.ask("energies")
         return terms | {"external_work": terms["external"]}
 
+    def continuum(self) -> ContinuumFields | None:
+        return self._all.ask("continuum")
+
+    def parallel(self) -> dict[str, Any]:
+        return self._all.ask("parallel")
+
     def _state(self) -> State:
-        return {"coupled": kept.coupled_state(self.coupled)}
+        return {"coupled": self._all.ask("state")}
 
     def _restore(self, state: State) -> None:
-        kept.restore_coupled(self.coupled, state["coupled"])
+        self._all.ask("restore", state["coupled"])
 
 
 MODELS: dict[str, Callable[[Parameters], Block]] = {"dem": ParticleBlock, "overlap": OverlapBlock}

@@ -17,13 +17,12 @@ from mpi4py import MPI
 from bridge import output
 from bridge.run import Outcome, Stopwatch
 from particles.crew import ranks
-from particles.spread import parallel
 from studies import cutting as scene
 from studies.cracks import cracks
 from studies.cutting import Parameters
 from studies.cutting_models import MODELS, Block
 from studies.resuming import Runs, Start
-from studies.snapshots import ContinuumFields, ParticleFields, continuum_fields, particle_fields
+from studies.snapshots import ContinuumFields, ParticleFields, particle_fields
 
 FILES = ("summary.json", "history.csv", "cracks.csv", "force.png", "states.png", "stress.png")
 SERIES = ("particles", "continuum", "pick", "cracks")
@@ -70,7 +69,7 @@ def state(model: Block) -> State:
     p = model.p
     solid = 1.0 - p.porosity
     particles, _ = particle_fields(model.soil, None, solid, p.poisson_ratio, AVERAGING)
-    continuum = None if model.body is None else continuum_fields(model.body)
+    continuum = model.continuum()
     force = float(np.hypot(*model.pick.force[:2]))
     return State(model.time, particles, continuum, model.loose(), model.pick.vertices, force)
 
@@ -239,7 +238,7 @@ def summarise(done: Finished, watch: Stopwatch, heard: list[str]) -> dict[str, A
         "seconds": watch.seconds | {"total": sum(watch.seconds.values())},
         "particle_steps_per_second": counts["particles"] * counts["fine_steps"] / stepping if stepping > 0.0 else 0.0,
         "results": {name: {"value": value, "unit": unit, "published": None} for name, (value, unit) in done.results.items()},
-        "parallel": parallel(model.soil),
+        "parallel": model.parallel(),
         "energy": energy | {"balance_error": abs(energy["balance"]) / work if work > 0.0 else math.nan},
         "stable": outcome.stable, "message": outcome.message, "warnings": heard,
     }  # fmt: skip

@@ -1,6 +1,7 @@
 """The foundation of particles and continuum together: bridging scale and overlap.
 
-The continuum is spread over the ranks, and the particles of the bridging scale's default variant; otherwise rank 0 holds them all.
+The continuum is spread over the ranks, and the particles of the overlap and of the bridging scale's default variant; with the other
+variants rank 0 holds them all.
 Every method is collective.
 """
 
@@ -253,20 +254,39 @@ class OverlapFoundation(CoupledFoundation):
         zone = scene.overlap_zone(p)
         self.body = scene.body(p, self.material, comm, share=zone)
 
-        def couple(step: float, substeps: int) -> Overlap:
+        def couple(step: float, substeps: int, spread: bool) -> Overlap:
             return Overlap(
-                self.body, self.soil, zone, constraint=p.constraint, step=step, substeps=substeps, mass_damping=p.damping
+                self.body, self.soil, zone, constraint=p.constraint, step=step, substeps=substeps, mass_damping=p.damping, spread=spread
             )
 
-        substeps = self._plan_both(couple(1e-3 * self.body.critical_step(), 1).critical_step())
-        self.coupled = couple(self.step, substeps)
+        substeps = self._plan_both(couple(1e-3 * self.body.critical_step(), 1, False).critical_step())
+        self.coupled = couple(self.step, substeps, True)
         self._watch(stopwatch)
+        self._stopwatch = stopwatch
         self.counts = {
             "particles": on_root(comm, lambda: self.soil.count), "tied": comm.allreduce(len(self.coupled.tie.ids)),
             "elements": comm.allreduce(len(self.body.cell_nodes)),
             "covered_elements": comm.allreduce(int(np.count_nonzero(self.body.cell_fractions == 0.0))),
             "coarse_steps": self.steps, "fine_steps": self.steps * substeps,
         }  # fmt: skip
+
+    def advance(self, steps: int) -> None:
+        """Take coarse steps."""
+        self.coupled.advance(steps)
+        self._check_stable()
+
+    def snapshot(self) -> Snapshot:
+        self.coupled.collect()
+        return super().snapshot()
+
+    def state(self) -> dict[str, Any]:
+        return self.coupled.state()
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self.coupled.restore(state)
+
+    def parallel(self) -> dict[str, Any]:
+        return self.coupled.parallel(self._stopwatch.parts["particles"])
 
 
 def particles_alone(p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> Foundation:

@@ -13,18 +13,23 @@ particles' steps.
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from bridge import checks
+from bridge import checks, kept
 from bridge.interpolation import on_every_rank
 from bridge.overlap import limit
 from bridge.overlap.fine import ZoneParticles
 from bridge.overlap.mesh import WholeNodes
+from bridge.overlap.ranks import SharedZone, share
 from bridge.overlap.rule import OverlapRule
 from bridge.overlap.tie import ROTATIONS, Tie
+from particles.exchange import SharedAssembly
+from particles.parts import sent
 from particles.stability import normal_stiffness
 
 CONSTRAINTS = ("lagrange", "penalty")
@@ -33,8 +38,8 @@ CONSTRAINTS = ("lagrange", "penalty")
 class Overlap:
     """A body and particles that overlap, advanced together.
 
-    Particles may live on one rank (the others pass an empty assembly); construction and every method are collective. The
-    particles are weighed (`Assembly.weigh`): from now on their masses are the shares that they carry. Eliminated components
+    Rank 0 gives the particles, the others an empty assembly; they stay there, or all ranks move them (`spread`). Construction and
+    every method are collective. The particles are weighed (`Assembly.weigh`): from now on their masses are the shares that they carry. Eliminated components
     follow the mesh, also where the motion of the body is written from outside; velocities that they are given do not count.
 
     Args:
@@ -51,6 +56,8 @@ class Overlap:
         mass_damping: c_m of both, 1/s.
         vector_damping: (alpha, alpha_r) of the particles that do not follow the mesh: force -alpha |F| v / |v| and moment
             -alpha_r |T| w / |w| (eqs 25-26); with "lagrange" only.
+        spread: Let all ranks move the particles; what rank 0 has is up to date after `collect`. Walls may be driven as ever;
+            what else is done to the particles afterwards counts no more.
 
     Supports, loads and gravity of the body and external forces of the particles must be set before; gravity is the body's and
     acts on the particles too. What is held of a particle in the zone must be fixed of the mesh there, and is not tied.
@@ -72,6 +79,7 @@ class Overlap:
         substeps: int = 1,
         mass_damping: float = 0.0,
         vector_damping: tuple[float, float] | None = None,
+        spread: bool = False,
     ):
         if constraint not in CONSTRAINTS:
             raise ValueError(f"constraint={constraint!r} must be one of {', '.join(CONSTRAINTS)}")
@@ -87,32 +95,97 @@ class Overlap:
         if body.share is not zone:
             raise ValueError("the body does not leave the zone's share to the particles: make it with share=zone, the same zone")
         on_every_rank(body.comm, lambda: _check_axes(body, soil))
+        self.shared: SharedAssembly | None = None
+        self._given, spread = soil, spread and body.comm.size > 1
+        if spread:  # until all have made the same
+            copy = sent(body.comm, soil if body.comm.rank == 0 else None)
+            soil = soil if body.comm.rank == 0 else copy
         self.body, self.soil, self.zone, self.constraint, self.rotation = body, soil, zone, constraint, rotation
         self.step, self.substeps = checks.number("step", step), checks.count("substeps", substeps)
         self.mass_damping = checks.number("mass_damping", mass_damping, positive=False)
         self.time, self.coarse_steps = 0.0, 0
         self.mesh = WholeNodes(body)
-        self.tie = Tie(body, soil, zone, rotation, self.mesh.width)
-        self.exchange = self.tie.exchange
+        tie = Tie(body, soil, zone, rotation, self.mesh.width, spread)
+        self.exchange = tie.exchange
         fixed = self.exchange.gather(self.mesh.fixed.astype(float)) > 0.5
-        on_every_rank(body.comm, lambda: self.tie.leave_held(soil, fixed))
-        soil.weigh(self.tie.share, self.tie.mass_share, np.isin(np.arange(soil.count), self.tie.ids, invert=True))
+        on_every_rank(body.comm, lambda: tie.leave_held(soil, fixed))
+        soil.weigh(tie.share, tie.mass_share, np.isin(np.arange(soil.count), tie.ids, invert=True))
         springs = None
         if constraint == "penalty":
-            springs = penalty * self.tie.spring_shares(normal_stiffness(soil), soil.radii)
+            springs = penalty * tie.spring_shares(normal_stiffness(soil), soil.radii)
         gravity = body.gravity_acceleration
-        self.fine = ZoneParticles(soil, self.tie, springs, self.step / self.substeps, mass_damping, gravity, vector_damping)
+        self.fine: Any = ZoneParticles(soil, tie, springs, self.step / self.substeps, mass_damping, gravity, vector_damping)
         self._revision = body.boundaries.revision
         self.rule = OverlapRule(self)
         self._check_steps()
+        if spread:
+            self.shared = share(body.comm, soil, self.fine.nodes.link.size)
+            whole = self.fine
+            self.fine = self.rule.fine = SharedZone(whole, self.shared)
+            self.soil, whole.soil = self.fine.soil, self._given
         self._initial = self._terms()
+
+    @property
+    def tie(self) -> Tie:
+        """The tied particles of this rank."""
+        return self.fine.tie
+
+    @contextlib.contextmanager
+    def _together(self, collected: bool = True) -> Iterator[None]:
+        """Work with the particles on rank 0 as if they were not spread (collective); `collected`: as they are now."""
+        if self.shared is None:
+            yield
+            return
+        if collected:
+            self.collect()
+        own, soil = self.fine, self.soil
+        self.fine = self.rule.fine = own.whole
+        self.soil = self._given
+        try:
+            yield
+        finally:
+            self.fine = self.rule.fine = own
+            self.soil = soil
+
+    def collect(self) -> None:
+        """Bring the particles that rank 0 gave up to date there (collective)."""
+        if self.shared is not None:
+            self.fine.collect()
+
+    def state(self) -> dict[str, Any]:
+        """Particles, body and ties as named arrays, complete on rank 0 (collective); see `bridge.kept`."""
+        with self._together():
+            found = kept.coupled_state(self)
+        if self.shared is not None and self.body.comm.rank == 0:
+            found["own_sums"][1:] = 0.0  # every rank keeps the same
+        return found
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from a state, of any number of ranks, which rank 0 has (collective)."""
+        if self.shared is not None:
+            state = self.body.comm.bcast(state, root=0)
+        with self._together(collected=False):
+            kept.restore_coupled(self, state)
+        if self.shared is not None:
+            self.shared.restore(state["particles"])
+            self.fine.rearrange()
+
+    def parallel(self, stepping: float | None = None) -> dict[str, Any]:
+        """How the work is shared out, see `SharedAssembly.parallel` (collective); empty where one rank has all particles."""
+        return {} if self.shared is None else self.shared.parallel(stepping)
+
+    def release(self) -> None:
+        """Give back what MPI holds for messages; the particles can no longer be moved."""
+        if self.shared is not None:
+            self.shared.release()
 
     def critical_step(self, sharp: bool = False) -> float:
         """Largest stable particle step, s (collective): particles, ties and the nodes that take this step.
 
         By default a rigorous bound; `sharp` solves for the largest frequency (`bridge.overlap.limit`).
         """
-        own = limit.sharp(self) if sharp else limit.bound(self)
+        with self._together():
+            own = limit.sharp(self) if sharp else limit.bound(self)
         return self.body.comm.allreduce(own, op=MPI.MIN)
 
     def _check_steps(self) -> None:
@@ -138,7 +211,16 @@ class Overlap:
             raise ValueError(f"steps={steps} must be zero or positive")
         same = self.body.boundaries.revision == self._revision
         on_every_rank(self.body.comm, lambda: self._check_loads(same))
-        self.rule.run(steps)
+        shared = self.shared
+        if shared is None:
+            self.rule.run(steps)
+            return
+        if (news := self.body.comm.bcast(shared.news_of_walls(), root=0)) is not None:
+            shared.hear_of_walls(news)
+        try:
+            self.rule.run(steps)
+        finally:
+            shared.tell_whole()
 
     def _check_loads(self, same: bool) -> None:
         if not (same and np.array_equal(self.soil.external_forces[self.tie.ids], self.fine.external)):

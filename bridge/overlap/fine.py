@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
@@ -36,6 +38,7 @@ class ZoneParticles(ParticleSide):
         "kinetic", "elastic", "friction", "viscous", "contact_loss", "mass_damping", "local_damping", "external", "penalty",
         "stepping",
     )  # fmt: skip
+    leads = True  # whether what the nodes lose counts here; where all ranks step them alike it does on one
 
     def __init__(
         self, soil, tie: Tie, stiffness: Array | None, step: float, mass_damping: float, gravity, vector_damping=None
@@ -47,7 +50,9 @@ class ZoneParticles(ParticleSide):
         self.masses = self.all_masses[tie.ids]
         self.stiffness = np.zeros(shape) if stiffness is None else np.where(tie.tied, stiffness, 0.0)
         self.force, self._origin = np.zeros(shape), np.zeros(shape)
-        self.nodes = ZoneNodes._make([*(np.zeros(size) for _ in ZoneNodes._fields[2:]), np.zeros(1), np.zeros(1)])
+        values = [np.zeros(size) for _ in ZoneNodes._fields[:-3]]
+        links = values[ZoneNodes._fields.index("link")].reshape(-1, 3)
+        self.nodes = ZoneNodes._make([*values, links, np.zeros(1), np.zeros(1)])
         self.external = soil.external_forces[tie.ids].reshape(shape)
         loads = self.masses * [*gravity, *np.zeros(shape[1] - self._axes)] + tie.share[tie.ids, None] * self.external
         self.load = np.where(tie.tied & self.eliminated, loads, 0.0)  # of the mesh, where components are eliminated
@@ -124,9 +129,13 @@ class ZoneParticles(ParticleSide):
         nodes.base[:], nodes.velocity[:] = displacement.ravel(), velocity.ravel()
         nodes.start[:], nodes.slope[:] = force.ravel(), slope.ravel()
         kernel = _run_tied if self.eliminated else _run_penalised
-        self.run_loop(kernel, steps, (nodes, self._inner, self.mass, self.mass_damping), ())
+        self.run_loop(kernel, steps, lambda: (nodes, self._inner, self.mass, self.mass_damping, *self.across()), ())
         moved, reached, acceleration = (part.reshape(velocity.shape) for part in (nodes.moved, nodes.velocity, nodes.acceleration))
         return np.hstack([moved, reached - velocity, acceleration])
+
+    def across(self) -> tuple[Any, Any]:
+        """Contacts with particles of other ranks and the way to them, for the loop; None on one rank."""
+        return None, None
 
     def missing(self, step: float) -> Array:
         """Impulse (w, c) that cells at the edge of the zone lack in a coarse step to that of the trapezoidal rule, N s.
@@ -190,7 +199,7 @@ class ZoneParticles(ParticleSide):
         if not self.soil.count:
             return [0.0] * len(self.ENERGY_NAMES)
         sums = self._sums()
-        sums["mass_damping"] += float(self.nodes.lost[0])
+        sums["mass_damping"] += float(self.nodes.lost[0]) if self.leads else 0.0
         sums["penalty"] = 0.5 * float(np.vdot(self.stiffness, self.stretch(displacement) ** 2))
         sums["stepping"] = self.step**2 / 8.0 * float(np.sum(self.all_masses * self.soil.accelerations**2))
         return [sums[name] for name in self.ENERGY_NAMES]

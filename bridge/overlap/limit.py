@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sparse
 import scipy.sparse.linalg as sparse_linalg
 
+from bridge.interpolation import NodeExchange
 from particles.stability import largest_eigenvalue
 
 DENSE = 60  # components up to which all eigenvalues are computed
@@ -36,20 +37,23 @@ def sharp(coupled) -> float:
     """Critical step (s) of the particles, of the nodes that take their steps and of what ties them, other nodes held.
 
     2 / (largest frequency) of the sticking network and the continuum among those nodes (Lanczos), shortened by
-    dashpots as in `particles.stability.critical_step`. With one substep on one rank the nodes are all nodes, and the step is
-    that of the whole system. Infinity on a rank without particles.
+    dashpots as in `particles.stability.critical_step`. With one substep the nodes are all nodes, and the step is
+    that of the whole system. Infinity on a rank without particles (collective).
     """
-    soil = coupled.soil
+    soil, nodes = coupled.fine.soil, _nodes(coupled)
     if not soil.count:
         return np.inf
-    square = _largest(*system(coupled))
+    square = _largest(*system(coupled, nodes))
     return float(2.0 / np.sqrt(square) * _shortening(soil)) if square > 0.0 else np.inf
 
 
-def system(coupled) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
-    """Stiffness and mass of the components that take the particles' steps, those that do not move left out."""
+def system(coupled, given=None) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+    """Stiffness and mass of the components that take the particles' steps, those that do not move left out.
+
+    `given`: what `_nodes` gave, where it is known.
+    """
     fine, tie = coupled.fine, coupled.tie
-    stiffness, lumped, free, nodes = _nodes(coupled)
+    stiffness, lumped, free, nodes = given or _nodes(coupled)
     matrix = tie.matrix @ nodes
     soil, freedoms = fine.soil, fine.soil.freedoms
     count = freedoms * soil.count
@@ -78,14 +82,18 @@ def _nodes(coupled):
     """Stiffness, lumped mass, free components of the nodes that take the particles' steps; zone's components from them."""
     fine, mesh, own = coupled.fine, coupled.mesh, coupled.exchange.nodes
     width, size = mesh.width, mesh.width * len(own)
-    if coupled.substeps > 1 or mesh.comm.size > 1:
+    if coupled.substeps > 1:
         free = np.zeros(size, dtype=bool)
         free[fine.mass.free] = True
         return fine.continuum_stiffness, sparse.diags(fine.lumped), free, sparse.identity(size, format="csr")
-    places = (width * own[:, None] + np.arange(width)).ravel()
-    select = sparse.csr_matrix((np.ones(size), (np.arange(size), places)), shape=(size, mesh.mass.size))
-    everywhere = mesh.stiffness_matrix(np.arange(len(mesh.mass)))
-    return everywhere, sparse.diags(mesh.mass.ravel()), ~mesh.fixed.ravel(), select
+    count = mesh.comm.allreduce(len(mesh.mass))
+    every = np.arange(count if fine.soil.count else 0)
+    exchange = NodeExchange(mesh.comm, mesh.body.owned_range, every)
+    mass, fixed = exchange.gather(mesh.mass), exchange.gather(mesh.fixed.astype(float))
+    places = (width * own[:, None] + np.arange(width)).ravel() if fine.soil.count else np.zeros(0, dtype=np.int64)
+    size = len(places)
+    select = sparse.csr_matrix((np.ones(size), (np.arange(size), places)), shape=(size, mass.size))
+    return mesh.stiffness_matrix(every), sparse.diags(mass.ravel()), fixed.ravel() < 0.5, select
 
 
 def _largest(stiffness: sparse.csr_matrix, mass: sparse.csr_matrix) -> float:

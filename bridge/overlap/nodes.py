@@ -18,11 +18,12 @@ class ZoneNodes(NamedTuple):
     slope: np.ndarray  # its change by the motion of the neighbours, N/s
     force: np.ndarray  # its present value, N
     swept: np.ndarray  # integral of `moved` since the coarse time, m s
-    link: np.ndarray  # force of the particles, N
+    link: np.ndarray  # force of the particles of all ranks, N
     base: np.ndarray  # displacement at the coarse time, m and rad
     moved: np.ndarray  # displacement since
     velocity: np.ndarray
     acceleration: np.ndarray
+    links: np.ndarray  # the numbers of `link`, three in a row
     lost: np.ndarray  # (1,): energy taken by mass damping, J
     work: np.ndarray  # (1,): of the continuum on these nodes since the coarse time, J
 

@@ -27,7 +27,7 @@ class OverlapRule:
         exchange.scatter(np.ones((len(exchange.nodes), 1)), on)
         stiffness, edge = mesh.stiffness_matrix(exchange.nodes), mesh.edge_stiffness(exchange.nodes, on[:, 0] > 0.0)
         free = exchange.gather((~mesh.fixed).astype(float)) > 0.5
-        without = mesh.comm.allreduce(int(np.count_nonzero(exchange.gather(mesh.mass)[:, 0] <= 0.0)))
+        without = mesh.comm.allreduce(int(np.count_nonzero((on[:, 0] > 0.0) & (mesh.mass[:, 0] <= 0.0))))
         if without and not fine.eliminated:
             raise ValueError(
                 f"constraint='penalty': {without} nodes that springs pull have no mass of the continuum; let the zone's inner face "
@@ -116,7 +116,8 @@ class OverlapRule:
             self._lost[0] += 0.25 * step * self.damping * np.vdot(change, self._increment)
         missing = self.fine.missing(step)
         kick = self.fine.solve(missing)
-        self._interface += self._uncounted(found, missing, kick, start + gather(self.force), gather(mesh.velocity))
+        uncounted = self._uncounted(found, missing, kick, start + gather(self.force), gather(mesh.velocity))
+        self._interface += uncounted if self.fine.leads else 0.0
         self.fine.kick(kick)
         faster = np.zeros_like(self._mass)
         self.exchange.scatter(kick, faster)

@@ -14,9 +14,10 @@ import numpy as np
 from numba import njit
 
 from bridge.overlap.nodes import kick_nodes, pull_nodes, start_nodes
-from bridge.substeps import forces, list_used_up
+from bridge.substeps import linear_forces
 from particles.block_motion import ONWARD, TO_END
-from particles.motion import drift, kick_on, moved
+from particles.motion import done_with, drift, evaluate_with, kick_on, moved
+from particles.ranks import sum_together
 from particles.system import INNER, STEPS
 
 
@@ -184,24 +185,30 @@ def _accelerate(system, tied, damping):
 
 
 @njit(**STEPS)
-def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, h, steps, first):
+def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, border, halo, h, steps, first):
     """Fine steps in which the tied components are eliminated: the mass of the nodes holds that of the particles.
 
     Args:
         stiffness: Of the continuum among the nodes of the zone (`Rows`).
         mass: `Mass` of the nodes.
         damping: c_m, 1/s.
+        border, halo: Contacts with particles of other ranks and the way to them, None on one rank; the nodes are on all ranks.
     """
     if first < 0:
         _feel(system, tied, nodes.link)
+        sum_together(halo, nodes.links)
         start_nodes(nodes, mass, damping, h)
         drift(system, terms, h)
         _carry(system, tied, nodes, h)
     for j in range(max(first, 0), steps):
-        if list_used_up(system, linear):
-            return j
-        forces(system, terms, linear, h)
+        if linear is None:
+            if done_with(system, halo):
+                return j
+            evaluate_with(system, terms, h, border, halo)
+        else:
+            linear_forces(system.position, system.force, linear)
         _feel(system, tied, nodes.link)
+        sum_together(halo, nodes.links)
         last = j == steps - 1
         pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
         kick_nodes(nodes, mass, damping, h, last)
@@ -213,21 +220,26 @@ def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, h, st
 
 
 @njit(**STEPS)
-def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, h, steps, first):
+def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, border, halo, h, steps, first):
     """Fine steps with springs between the tied components and the mesh; arguments as in `run_tied`."""
     if first < 0:
         for i in range(nodes.moved.size):
             nodes.moved[i] = 0.0
         _stretch(system, tied, nodes)
+        sum_together(halo, nodes.links)
         _accelerate(system, tied, damping)
         _relax(system, tied)
         start_nodes(nodes, mass, damping, h)
         drift(system, terms, h)
     for j in range(max(first, 0), steps):
-        if list_used_up(system, linear):
-            return j
-        forces(system, terms, linear, h)
+        if linear is None:
+            if done_with(system, halo):
+                return j
+            evaluate_with(system, terms, h, border, halo)
+        else:
+            linear_forces(system.position, system.force, linear)
         _stretch(system, tied, nodes)
+        sum_together(halo, nodes.links)
         last = j == steps - 1
         pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
         kick_nodes(nodes, mass, damping, h, last)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from bridge.interpolation import NodeExchange, on_every_rank
+from bridge.interpolation import ExchangeOfOneRank, NodeExchange, on_every_rank
 from particles.driving import free_components
 
 Array = NDArray[np.float64]
@@ -38,12 +39,13 @@ class Tie:
         rotation: One of `ROTATIONS`: rotations of the tied particles are the micro-rotation, half the curl of the
             displacement, or free.
         width: Number c of components of a node.
+        everywhere: Every rank has all particles; what is scattered to nodes is rank 0's.
 
     Raises:
         ValueError: a tied particle outside the mesh, particles where the continuum is alone, or no tied particle at all.
     """
 
-    def __init__(self, body: Any, soil: Any, zone: Any, rotation: str, width: int):
+    def __init__(self, body: Any, soil: Any, zone: Any, rotation: str, width: int, everywhere: bool = False):
         alpha = zone(soil.reference) if soil.count else np.zeros(0)
         on_every_rank(body.comm, lambda: _check_place(soil, zone))
         self.share = 1.0 - alpha
@@ -55,7 +57,7 @@ class Tie:
         points = soil.reference[self.ids].reshape(-1, body.axes)
         nodes, shape, found = body.shape_functions(points, gradients=True)
         on_every_rank(body.comm, lambda: _check_found(self.ids, points, np.asarray(found)))
-        self.exchange = NodeExchange(body.comm, body.owned_range, nodes)
+        self.exchange = (ExchangeOfOneRank if everywhere else NodeExchange)(body.comm, body.owned_range, nodes)
         self.width = width
         columns = np.searchsorted(self.exchange.nodes, nodes)
         self.matrix = _tie_matrix(columns, shape, (len(self.exchange.nodes), width), rotation)
@@ -92,6 +94,16 @@ class Tie:
             )
         self.matrix = sparse.csr_matrix(sparse.diags((~held).astype(float)) @ self.matrix)
         self.matrix.eliminate_zeros()
+
+    def part(self, these: NDArray[np.int64], numbers: NDArray[np.int64]) -> Tie:
+        """The same of some of the tied particles, `these` (k,), where `numbers` (m,), ascending, are all that an assembly has."""
+        found = copy.copy(self)
+        found.ids = np.searchsorted(numbers, self.ids[these])
+        found.matrix = self.matrix[(self._freedoms * these[:, None] + np.arange(self._freedoms)).ravel()]
+        found.share, found.mass_share, found._mesh_share = (
+            values[numbers] for values in (self.share, self.mass_share, self._mesh_share)
+        )
+        return found
 
     @property
     def tied(self) -> NDArray[np.bool_]:

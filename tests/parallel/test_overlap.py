@@ -41,7 +41,7 @@ SCENES = {
 }  # fmt: skip
 
 
-def run(comm, scene, constraint, substeps):
+def run(comm, scene, constraint, substeps, spread=True, steps=30):
     make, *kind = SCENES[scene]
     zone, body, sites, radius, law = make(comm, *kind)
     mine = sites if comm.rank == 0 else sites[:0]
@@ -53,11 +53,16 @@ def run(comm, scene, constraint, substeps):
     soil.velocities = rate
     limit = Overlap(body, soil, zone, constraint=constraint, step=1e-9).critical_step()
     step = min(0.5 * substeps * limit, 0.8 * body.critical_step())
-    coupled = Overlap(body, soil, zone, constraint=constraint, step=step, substeps=substeps)
-    coupled.advance(30)
+    coupled = Overlap(body, soil, zone, constraint=constraint, step=step, substeps=substeps, spread=spread)
+    coupled.advance(steps)
     nodes = np.concatenate(comm.allgather(np.hstack([body.coordinates, body.displacement])))
     nodes = nodes[np.lexsort(np.round(nodes[:, : body.axes], 6).T)]
-    return nodes, comm.bcast(soil.displacements), comm.bcast(coupled.multipliers()), coupled.energies(), coupled.mismatch(), step
+    energies, mismatch, sharp = coupled.energies(), coupled.mismatch(), coupled.critical_step(sharp=True)
+    coupled.collect()
+    with coupled._together():
+        ties = comm.bcast(coupled.multipliers())
+    coupled.release()
+    return nodes, comm.bcast(soil.displacements), ties, energies, mismatch, [step, sharp]
 
 
 @pytest.mark.parametrize(
