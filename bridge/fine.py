@@ -12,7 +12,7 @@ from bridge import subcycling, substeps
 from bridge.blocks import Blocks, blocks
 from bridge.particle_side import ParticleSide
 from bridge.projection import Projection, SymmetricSolver
-from bridge.subcycling import Mesh, Nodes
+from bridge.subcycling import Mesh, Nodes, Others
 from bridge.substeps import Ghosts, Tie
 from particles.dispatch import Direct
 from particles.network import Before, trial_forces
@@ -332,18 +332,18 @@ class FineScale(ParticleSide):
         own, nodes = self.interface, self.nodes
         nodes.velocity[:], nodes.start[:], nodes.slope[:] = velocity[own], force[own], slope[own]
         self._left[0] = 1
-        self.run_loop(
-            run_coarse, steps, lambda: (nodes, self._inner, None, None, None, self.mass_damping, self._left, *self.across()), ()
-        )
+        before = (nodes, self._inner, *(None,) * 4, self.mass_damping, self._left, None, None)
+        self.run_loop(run_coarse, steps, before, ())
         result[own] = np.hstack([nodes.moved, nodes.velocity - velocity[own], nodes.impulse, nodes.link])
         return result
 
-    def run_coarse(self, mesh: Mesh, stiffness: Blocks, at: NDArray[np.int64], steps: int, substeps: int) -> None:
-        """Coarse steps of `substeps` fine ones; `at` (w,) are the interface nodes among those of the mesh."""
+    def run_coarse(self, side: tuple[Mesh, Blocks, NDArray[np.int64], Others | None], steps: int, substeps: int) -> None:
+        """Coarse steps of `substeps` fine ones; `side` are the nodes of this rank as `bridge.subcycling.run_coarse` takes them."""
         self._prepare(steps * substeps)
         self._left[0] = steps
-        before = (self.nodes, self._inner, mesh, stiffness, at, self.mass_damping, self._left, None, None)
-        self.run_loop(run_coarse, substeps, before, ())
+        self.run_loop(
+            run_coarse, substeps, lambda: (self.nodes, self._inner, *side, self.mass_damping, self._left, *self.across()), ()
+        )
 
     def across(self) -> tuple[Any, Any]:
         """Contacts with particles of other ranks and the way to them; None where one rank has all particles."""

@@ -41,6 +41,16 @@ class NodeExchange:
         self._send_counts = np.array([len(part) for part in asked_of_me])
         self._local = np.concatenate(asked_of_me) - owned_range[0]  # what the others (and I) want of my nodes
 
+    @property
+    def wanted_by_others(self) -> list[NDArray[np.int64]]:
+        """Own nodes, counted from the first owned one, that each rank needs."""
+        return np.split(self._local, np.cumsum(self._send_counts)[:-1])
+
+    @property
+    def wanted_of_others(self) -> list[int]:
+        """Number of needed nodes of each rank."""
+        return [int(count) for count in self._receive_counts]
+
     def gather(self, owned: Array) -> Array:
         """Copy of the nodal rows (nodes, components) that this rank needs, from the owned rows of all ranks."""
         sent = owned[self._local]

@@ -2,7 +2,7 @@
 
 The coupling is first made as on one rank, by every rank with all particles; then each rank keeps a part of them. The interface
 nodes step with the particles on every rank alike: what the particles of all ranks do to them is summed in every particle step
-(3 numbers a node), and rank 0 gives the result to the ranks that own the nodes.
+(3 numbers a node). All other nodes step on the rank that owns them.
 """
 
 from __future__ import annotations
@@ -97,4 +97,5 @@ def spread(coupled: BridgingScale, shared: SharedAssembly) -> None:
         shared: The same particles, `room` for 3 numbers a node of the interface.
     """
     coupled.fine = coupled.rule.fine = SharedScale(coupled.fine, shared)
+    coupled.rule.spread(coupled.fine.across()[1].seconds)
     coupled.restart_account()

@@ -1,4 +1,5 @@
-"""The coarse step of the variant `subcycling`, compiled: a rank that holds everything needs no Python inside it.
+"""The coarse step of the variant `subcycling`, compiled: no Python inside it, neither on one rank nor where particles and mesh
+are spread over several.
 
 Nodes off the interface take the coarse step at once, under the force at its start. Interface nodes take the particles'
 steps, under the particles' forces and that of the continuum, in which their neighbours move evenly over the coarse step.
@@ -8,7 +9,7 @@ sum over the nodes is then that of the loads, so that linear momentum is kept.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,7 +18,7 @@ from bridge.blocks import row_times
 from bridge.substeps import carry_ghosts, ghosts_feel, linear_forces, still_ghosts, take_link
 from particles.block_motion import ONWARD, TO_END
 from particles.motion import done_with, drift, evaluate_with, kick_on
-from particles.ranks import highest, sum_together
+from particles.ranks import exchange_values, highest, sum_together
 from particles.system import INNER, STEPS
 
 
@@ -53,6 +54,15 @@ class Mesh(NamedTuple):
     off: np.ndarray  # nodes off the interface
     lost: np.ndarray  # (1,): energy taken by mass damping, J
     work: np.ndarray  # (1,): of the loads, J
+
+
+class Others(NamedTuple):
+    """Where the mesh is spread over ranks: what else a rank knows, and the way to the others."""
+
+    which: np.ndarray  # numbers among all interface nodes of those that this rank owns
+    near: np.ndarray  # (n + some, 3): room for values at its nodes and at those of others beside them
+    start: np.ndarray  # (3 w, 3): room for what the interface nodes start with
+    way: Any  # `particles.ranks.Halo` between rows of `near`
 
 
 @njit(**INNER)
@@ -154,46 +164,105 @@ def finish(mesh, internal, damping, step):
 
 
 @njit(**INNER)
-def _start_coarse(mesh, nodes, stiffness, at, damping, step):
-    """Move the nodes off the interface; what the interface nodes are to feel in the coarse step."""
-    if mesh is not None:
-        move_others(mesh, damping, step)
-        for i in range(at.size):
-            change = row_times(stiffness, at[i], mesh.increment)
-            for component in range(3):
-                nodes.velocity[i, component] = mesh.velocity[at[i], component]
-                nodes.start[i, component] = mesh.force[at[i], component]
-                nodes.slope[i, component] = -change[component] / step
+def _number(others, i):
+    """Number among all interface nodes of the i-th that this rank owns."""
+    if others is None:
+        return i
+    return others.which[i]
 
 
 @njit(**INNER)
-def _end_coarse(mesh, nodes, stiffness, at, damping, step):
+def _fill(others, values):
+    """Values (n, 3) of this rank's nodes and of those of others beside them into `near` (collective)."""
+    for row in range(values.shape[0]):
+        for component in range(3):
+            others.near[row, component] = values[row, component]
+    exchange_values(others.way, others.near)
+
+
+@njit(**INNER)
+def _start_coarse(mesh, nodes, stiffness, at, others, damping, step):
+    """Move the nodes off the interface; what the interface nodes are to feel in the coarse step."""
+    if mesh is not None:
+        move_others(mesh, damping, step)
+        if others is None:
+            _set_start(mesh, nodes, stiffness, at, others, mesh.increment, step)
+        else:
+            _fill(others, mesh.increment)
+            nodes.velocity[:] = 0.0
+            nodes.start[:] = 0.0
+            nodes.slope[:] = 0.0
+            _set_start(mesh, nodes, stiffness, at, others, others.near, step)
+            _share_start(nodes, others)
+
+
+@njit(**INNER)
+def _set_start(mesh, nodes, stiffness, at, others, increment, step):
+    """Velocity, force and its slope of the interface nodes that this rank owns."""
+    for i in range(at.size):
+        change, k = row_times(stiffness, at[i], increment), _number(others, i)
+        for component in range(3):
+            nodes.velocity[k, component] = mesh.velocity[at[i], component]
+            nodes.start[k, component] = mesh.force[at[i], component]
+            nodes.slope[k, component] = -change[component] / step
+
+
+@njit(**INNER)
+def _share_start(nodes, others):
+    """Let every rank know the start of all interface nodes (collective)."""
+    start, width = others.start, nodes.start.shape[0]
+    for i in range(width):
+        for component in range(3):
+            start[i, component] = nodes.velocity[i, component]
+            start[width + i, component] = nodes.start[i, component]
+            start[2 * width + i, component] = nodes.slope[i, component]
+    sum_together(others.way, start)
+    for i in range(width):
+        for component in range(3):
+            nodes.velocity[i, component] = start[i, component]
+            nodes.start[i, component] = start[width + i, component]
+            nodes.slope[i, component] = start[2 * width + i, component]
+
+
+@njit(**INNER)
+def _end_coarse(mesh, nodes, stiffness, at, others, damping, step):
     """Take over what the interface nodes did; kick all nodes."""
     if mesh is not None:
         for i in range(at.size):
+            k = _number(others, i)
             for component in range(3):
-                mesh.impulse[at[i], component] = nodes.impulse[i, component]
-                mesh.link[at[i], component] = nodes.link[i, component]
-                mesh.velocity[at[i], component] = nodes.velocity[i, component]
-                mesh.displacement[at[i], component] += nodes.moved[i, component]
-                mesh.work[0] += mesh.external[at[i], component] * nodes.moved[i, component]
-        for row in range(mesh.force.shape[0]):
-            _finish_row(mesh, row, row_times(stiffness, row, mesh.displacement), damping, step)
+                mesh.impulse[at[i], component] = nodes.impulse[k, component]
+                mesh.link[at[i], component] = nodes.link[k, component]
+                mesh.velocity[at[i], component] = nodes.velocity[k, component]
+                mesh.displacement[at[i], component] += nodes.moved[k, component]
+                mesh.work[0] += mesh.external[at[i], component] * nodes.moved[k, component]
+        if others is None:
+            _finish_rows(mesh, stiffness, mesh.displacement, damping, step)
+        else:
+            _fill(others, mesh.displacement)
+            _finish_rows(mesh, stiffness, others.near, damping, step)
+
+
+@njit(**INNER)
+def _finish_rows(mesh, stiffness, displacement, damping, step):
+    for row in range(mesh.force.shape[0]):
+        _finish_row(mesh, row, row_times(stiffness, row, displacement), damping, step)
 
 
 @njit(**STEPS)
 def run_coarse(
-    system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at, damping, left, border, halo, h, steps, first
+    system, terms, linear, ghosts, nodes, inner, mesh, stiffness, at, others, damping, left, border, halo, h, steps, first
 ):
     """Coarse steps until none are `left` (1,), each of `steps` fine ones of the particles and the interface nodes.
 
     The ghosts are where the nodes put them. Returns on the way for a new list, with the number of fine steps done.
 
     Args:
-        inner, stiffness: Of the continuum, among interface nodes and among all nodes.
-        mesh: All nodes of a rank that holds everything, or None (then `stiffness` and `at` as well): the caller sets and
-            reads `nodes`.
-        at: (w,) interface nodes among all nodes.
+        inner: Stiffness of the continuum among the interface nodes.
+        mesh: The nodes of a rank, or None (then the next three as well): the caller sets and reads `nodes`.
+        stiffness: Of the continuum, rows of this rank's nodes.
+        at: Interface nodes among the nodes of this rank.
+        others: The rest of the mesh, None where this rank has all of it.
         damping: c_m, 1/s.
         border, halo: Contacts with particles of other ranks and the way to them, None on one rank; the nodes are on all ranks.
         h: Fine step, s.
@@ -201,7 +270,7 @@ def run_coarse(
     """
     while left[0] > 0:
         if first < 0:
-            _start_coarse(mesh, nodes, stiffness, at, damping, h * steps)
+            _start_coarse(mesh, nodes, stiffness, at, others, damping, h * steps)
             if highest(halo, 1 if ghosts_feel(system, ghosts) else 0) == 1:
                 take_link(system, ghosts, nodes.link)
                 sum_together(halo, nodes.link)
@@ -224,7 +293,7 @@ def run_coarse(
             _kick_nodes(nodes, damping, h, last)
             kick_on(system, terms, h, TO_END if last else ONWARD)
             carry_ghosts(system, ghosts, nodes, 0.0 if last else h)
-        _end_coarse(mesh, nodes, stiffness, at, damping, h * steps)
+        _end_coarse(mesh, nodes, stiffness, at, others, damping, h * steps)
         left[0] -= 1
         first = -1
     return steps

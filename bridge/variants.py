@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sparse
 
 from bridge.blocks import blocks
+from bridge.interpolation import NodeExchange
 from bridge.projection import SymmetricSolver
 from bridge.rule import Rule
-from bridge.subcycling import Mesh, finish, move_others
+from bridge.subcycling import Mesh, Others, finish, move_others
+from particles.halos import halo_of
+
+NODES = 8  # tag of messages between nodes
 
 
 class PaperVariant(Rule):
@@ -187,24 +193,43 @@ class SubcyclingVariant(Rule):
             mass, self.inverse_mass, self.external, self.continuum_force, *(np.zeros_like(mass) for _ in range(3)),
             body.displacement, body.velocity, body.acceleration, np.flatnonzero(on == 0.0), self._lost, self._work,
         )  # fmt: skip
-        self._alone = body.comm.size == 1 and coupled.soil.count > 0
-        if self._alone:
-            self._stiffness = blocks(body.stiffness_matrix(np.arange(len(mass))) + self._edge_stiffness())
+        self._side: tuple[Any, ...] | None = None  # for steps that are compiled as a whole
+        if body.comm.size == 1 and coupled.soil.count > 0:
+            self._side = self._mesh, blocks(self._stiffness_rows()), self._on, None
 
-    def _edge_stiffness(self) -> sparse.csr_matrix:
-        """Contacts of ghosts on the outline, as a matrix of all nodes (of one rank)."""
-        size, edge = 3 * len(self.mass), self.fine.edge_stiffness
+    def _stiffness_rows(self) -> sparse.csr_matrix:
+        """Stiffness (rows of this rank's nodes, all columns), contacts of ghosts on the outline with it."""
+        rows, edge = self.body.stiffness_rows(), self.fine.edge_stiffness
         if edge is None:
-            return sparse.csr_matrix((size, size))
+            return rows
         places, edge = (3 * self.exchange.nodes[:, None] + np.arange(3)).ravel(), edge.tocoo()
-        return sparse.csr_matrix((edge.data, (places[edge.row], places[edge.col])), shape=(size, size))
+        row, column = places[edge.row] - 3 * self.body.owned_range[0], places[edge.col]
+        own = (row >= 0) & (row < rows.shape[0])
+        return rows + sparse.csr_matrix((edge.data[own], (row[own], column[own])), shape=rows.shape)
+
+    def spread(self, seconds: np.ndarray) -> None:
+        body, (first, last) = self.body, self.body.owned_range
+        rows, width = self._stiffness_rows().tocoo(), len(self.fine.interface)
+        node, part = np.divmod(rows.col, 3)
+        foreign = (node < first) | (node >= last)
+        beside = NodeExchange(body.comm, body.owned_range, node[foreign])
+        local = np.where(foreign, last - first + np.searchsorted(beside.nodes, node), node - first)
+        count = last - first + len(beside.nodes)
+        stiffness = sparse.csr_matrix((rows.data, (rows.row, 3 * local + part)), shape=(rows.shape[0], 3 * count))
+        way, self._requests = halo_of(
+            body.comm, beside.wanted_by_others, beside.wanted_of_others, last - first, 3, sums=9 * width,
+            seconds=seconds, tag=NODES,
+        )  # fmt: skip
+        which = np.searchsorted(self.exchange.nodes[self.fine.interface], first + self._on)
+        others = Others(which, np.zeros((count, 3)), np.zeros((3 * width, 3)), way)
+        self._side = self._mesh, blocks(stiffness), self._on, others
 
     def carried(self) -> list[np.ndarray]:
         return [self.fine.nodes.link]
 
     def run(self, steps: int) -> None:
-        if self._alone and not self.moves_prescribed:
-            self.fine.run_coarse(self._mesh, self._stiffness, self._on, steps, self.coupled.substeps)
+        if self._side is not None and not self.moves_prescribed:
+            self.fine.run_coarse(self._side, steps, self.coupled.substeps)
             self.coupled.count(steps)
         else:
             super().run(steps)
@@ -214,15 +239,15 @@ class SubcyclingVariant(Rule):
         if self.moves_prescribed:
             end = self.body.prescribed_velocity(time + self.step)[fixed]
             velocity[fixed] = 0.5 * (self.body.prescribed_velocity(time)[fixed] + end)
-        if self._alone:
-            self.fine.run_coarse(self._mesh, self._stiffness, self._on, 1, self.coupled.substeps)
+        if self._side is not None:
+            self.fine.run_coarse(self._side, 1, self.coupled.substeps)
         else:
             self._advance_together()
         if self.moves_prescribed:
             velocity[fixed] = end
 
     def _advance_together(self) -> None:
-        """The step of `bridge.subcycling.run_coarse` on several ranks."""
+        """The step of `bridge.subcycling.run_coarse` with a mesh that is spread over the ranks and particles that are not."""
         body, gather, mesh, on = self.body, self.exchange.gather, self._mesh, self._on
         move_others(mesh, self.damping, self.step)
         slope = body.internal_force(mesh.increment) / -self.step

@@ -263,6 +263,11 @@ class Body:
         start, column, value = block.getValuesCSR()
         return sparse.csr_matrix((value, column, start), shape=block.getSize())
 
+    def stiffness_rows(self) -> sparse.csr_matrix:
+        """Stiffness (components of the owned nodes, of all nodes by global index)."""
+        start, column, value = self._matrix.getValuesCSR()
+        return sparse.csr_matrix((value, column, start), shape=(self.mass.size, self._matrix.getSize()[1]))
+
     def _matrix_of(self, some_cells: np.ndarray) -> Any:
         """Stiffness matrix of some of the owned cells."""
         counts = fem.Function(_compat.cell_space(self.mesh))

@@ -25,6 +25,40 @@ def _handle(of: Any) -> int:
     return MPI._handleof(of)
 
 
+def halo_of(
+    comm: Any, rows: list[np.ndarray], received: list[int], first: int, width: int, *, reactions: int = 0, sums: int = 0,
+    seconds: np.ndarray, tag: int = TAG,
+) -> tuple[Halo, list[Any]]:  # fmt: skip
+    """The way to other ranks for compiled loops, and the persistent messages that it stands on.
+
+    Args:
+        comm: the ranks.
+        rows: own rows that each rank needs.
+        received: number of rows that come from each rank.
+        first: row of the first of them.
+        width: numbers a row.
+        reactions, sums: room for numbers that are summed.
+        seconds: (2,) where the time of exchanges and agreements is added up.
+        tag: of the messages.
+    """
+    counts = [len(one) for one in rows]
+    out, into = np.zeros((sum(counts), width)), np.zeros((sum(received), width))
+    requests: list[Any] = []
+    for room, numbers_of, make in ((into, received, comm.Recv_init), (out, counts, comm.Send_init)):
+        at = 0
+        for other, count in enumerate(numbers_of):
+            if count:
+                requests.append(make([room[at : at + count], MPI.DOUBLE], other, tag))
+            at += count
+    handles = [_handle(one) for one in (comm, MPI.DOUBLE, MPI.MAX, MPI.SUM)]
+    halo = Halo(
+        np.concatenate([np.zeros(0, dtype=np.int64), *rows]).astype(np.int64), np.array([first]), out, into,
+        np.array([_handle(request) for request in requests], dtype=np.int64), np.array(handles, dtype=np.int64),
+        np.zeros(2), np.zeros((2, reactions)), np.zeros((2, sums)), seconds,
+    )  # fmt: skip
+    return halo, requests
+
+
 class Bordering:
     """Finds the halo of `part` for its present list, on all ranks together; histories across the border come from `_known`."""
 
@@ -170,26 +204,11 @@ class Bordering:
         for request in self._requests:
             request.Free()
         width = numbers(self.axes == 3, part._laws.viscous is not None)
-        counts = [len(one) for one in rows]
-        out, into = np.zeros((sum(counts), width)), np.zeros((sum(received), width))
-        self._requests, at = [], 0
-        for other, count in enumerate(received):
-            if count:
-                self._requests.append(comm.Recv_init([into[at : at + count], MPI.DOUBLE], other, TAG))
-            at += count
-        at = 0
-        for other, count in enumerate(counts):
-            if count:
-                self._requests.append(comm.Send_init([out[at : at + count], MPI.DOUBLE], other, TAG))
-            at += count
         walls = part._system.walls
         room = 0 if walls is None else 6 * len(walls.wall) + len(walls.body)
-        handles = [_handle(one) for one in (comm, MPI.DOUBLE, MPI.MAX, MPI.SUM)]
-        self._halo = Halo(
-            np.concatenate([np.zeros(0, dtype=np.int64), *rows]).astype(np.int64), np.array([part.count]), out, into,
-            np.array([_handle(request) for request in self._requests], dtype=np.int64), np.array(handles, dtype=np.int64),
-            np.zeros(2), np.zeros((2, room)), np.zeros((2, self._room)), self._seconds,
-        )  # fmt: skip
+        self._halo, self._requests = halo_of(
+            comm, rows, received, part.count, width, reactions=room, sums=self._room, seconds=self._seconds
+        )
 
     def _border_pairs(self) -> Pairs:
         border = self._border

@@ -102,6 +102,12 @@ def _exchange(halo, border, viscous):
 
 
 @njit(**INNER)
+def exchange_values(halo, values):
+    """Give the neighbours the rows of an array (n, 3) that they need, and take theirs (collective among neighbours)."""
+    _swap(halo, values, None, None, None, None)
+
+
+@njit(**INNER)
 def _swap(halo, position, velocity, spin, change, angular):
     start, rows, first = _time(), halo.rows, halo.first[0]
     turning = 6 + _after(spin)

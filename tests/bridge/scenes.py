@@ -36,14 +36,15 @@ def scene(
     gravity=(0.0, 0.0),
     velocity=(0.0, 0.0),
     comm=MPI.COMM_WORLD,
+    everywhere=False,
     **options,
 ):
-    """A body of `size` (m, 1 m cells) whose part `region` is particles, on rank 0. Returns coupled system and layout."""
+    """A body of `size` (m, 1 m cells) whose part `region` is particles, on rank 0 or everywhere. Returns coupled system and layout."""
     domain = domains.rectangle((0.0, 0.0), size, cells=tuple(int(n) for n in size), cell=cell, comm=comm)
     region = Box(*region)
     sites = lattice(kind, Box((0.0, 0.0), size), radius, anchor)
     layout = nested_layout(sites, radius, region)
-    mine = slice(None) if comm.rank == 0 else slice(0)
+    mine = slice(None) if comm.rank == 0 or everywhere else slice(0)
     stiffness, couple = lattice_moduli(kind, radius, law)
     soil = Assembly(sites[layout.kept][mine], radius, 2600.0, law)
     density = 2600.0 * np.pi * radius**2 / cell_area(kind, radius)
@@ -55,7 +56,7 @@ def scene(
     body.gravity(gravity)
     if plate is not None:
         soil.add_wall(Plate.rectangle(*plate[:2], velocity=plate[2]))
-    return BridgingScale(body, soil, layout.ghost[mine], layout.share[mine], **options), layout
+    return BridgingScale(body, soil, layout.ghost[mine], layout.share[mine], everywhere=everywhere, **options), layout
 
 
 def cell_area(kind: str, radius: float) -> float:

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from bridge.ranks import spread
+from particles.exchange import SharedAssembly
 from tests.bridge.scenes import GRANULAR, scene
 
 comm = MPI.COMM_WORLD
@@ -13,15 +15,21 @@ OPTIONS = dict(
 )  # fmt: skip
 
 
+SQUARE = dict(kind="square", radius=0.0625, gravity=(0.0, -9.81), velocity=(0.05, 0.02))
+
+
 def run(communicator, variant, **options):
     coupled, _ = scene(**{**OPTIONS, **options}, variant=variant, comm=communicator)
     coupled.advance(40)
+    return results(coupled, communicator, communicator.bcast(coupled.soil.displacements))
+
+
+def results(coupled, communicator, particles):
     coupled.project_covered()
     body = coupled.body
     rows = np.column_stack([body.coordinates, body.displacement])
     nodes = np.concatenate(communicator.allgather(rows))
     nodes = nodes[np.lexsort(np.round(nodes[:, :2], 6).T)]
-    particles = communicator.bcast(coupled.soil.displacements)
     return nodes, particles, coupled.energies(), coupled.mismatch()
 
 
@@ -33,12 +41,33 @@ def test_ranks_agree_with_one_rank(variant):
 
 def test_contacts_on_the_outline_and_moving_sides_agree_too():
     """Square lattice: ghosts on the outline touch, half of their stiffness belongs to the mesh."""
-    compare("subcycling", kind="square", radius=0.0625, gravity=(0.0, -9.81), velocity=(0.05, 0.02))
+    compare("subcycling", **SQUARE)
+
+
+@pytest.mark.parametrize("options", [{}, SQUARE], ids=["turned", "square"])
+def test_particles_on_the_ranks_of_their_cells_agree_too(options):
+    coupled, layout = scene(**{**OPTIONS, **options}, comm=comm, everywhere=True)
+
+    def particles():
+        soil = scene(**{**OPTIONS, **options}, comm=MPI.COMM_SELF)[0].soil
+        soil.set_ghosts(layout.ghost)
+        return soil
+
+    fine, body = coupled.fine, coupled.body
+    shared = SharedAssembly(particles, comm, room=3 * len(fine.interface), owner=body.owners(coupled.soil.reference))
+    spread(coupled, shared)
+    shared.prepare(fine.step, mass_damping=coupled.mass_damping, gravity=body.gravity_acceleration)
+    coupled.advance(40)
+    moved = comm.bcast(shared.gather(shared.part.displacements))
+    check(results(coupled, comm, moved), run(MPI.COMM_SELF, "subcycling", **options))
 
 
 def compare(variant, **options):
-    nodes, particles, energies, mismatch = run(comm, variant, **options)
-    alone = run(MPI.COMM_SELF, variant, **options)
+    check(run(comm, variant, **options), run(MPI.COMM_SELF, variant, **options))
+
+
+def check(shared, alone):
+    nodes, particles, energies, mismatch = shared
     scale = np.abs(alone[1]).max()
     np.testing.assert_allclose(nodes, alone[0], rtol=0.0, atol=1e-9 * scale)
     np.testing.assert_allclose(particles, alone[1], rtol=0.0, atol=1e-9 * scale)
