@@ -124,6 +124,31 @@ def test_elements_left_to_particles_altogether_are_the_lattice():
     assert np.abs(alone.displacement - body.lattice.displacement).max() < 1e-12 * np.abs(alone.displacement).max()
 
 
+def test_what_is_released_costs_what_its_particles_cost():
+    """Elements that have all been released leave the lists of the lattice alone: the same runs and rows, no element, no row carried."""
+    alone, body = lattice((6, 6, 9)), Manifold(lattice((6, 6, 9)), 3, continuum=False)
+    body.release(np.arange(body.grid.count))
+    alone.prepare(), body.prepare()
+    one, two = alone._state, body.lattice._state
+    assert len(body._elements.active) == len(body._elements.carried) == 0
+    for name in ("counts", "strain_kind", "force_kind", "moving", "bonds"):
+        assert np.array_equal(getattr(one, name), getattr(two, name))
+    for lists, number in (("strain_runs", 0), ("force_runs", 2), ("moving_runs", 4)):
+        count = one.counts[number]
+        assert np.array_equal(getattr(one, lists)[:count], getattr(two, lists)[:count])
+
+
+def test_nothing_is_arranged_in_steps_without_a_release():
+    body = Manifold(lattice((6, 6, 9)), 3, free=layers(3), release=ultimate_strain(1.0))
+    body.set_motion(velocity=lambda x: 1e-3 * np.sin(x))
+    body.advance(10)
+    elements, lists = body._elements, body.lattice._state
+    kept = [values.ctypes.data for values in (*elements[2:-1], *lists) if values is not None]
+    body.advance(50)
+    assert body._elements is elements and body.released == 0
+    assert [values.ctypes.data for values in (*body._elements[2:-1], *body.lattice._state) if values is not None] == kept
+
+
 def shaken(**options):
     body = Manifold(lattice((10, 10, 25), force="variational"), 5, free=layers(5), **options)
     body.set_motion(velocity=lambda x: 1e-3 * np.sin(0.3 * x[:, [1, 2, 0]]))
