@@ -57,6 +57,7 @@ class Manifold:
         release: criterion (strains (k, 6) in manifold elements -> bools (k,)) for the release of elements, such as
             `ultimate_strain`; None for none.
         strain_at: where in an element the criterion is asked: at its "centre" or at its "particles", one of which must meet it.
+        within: elements that may be released, a region or a function of element centres; all by default.
         margin: elements round one that meets the criterion which are released with it, so that a crack grows inside particles.
         check_every: steps between two looks at the criterion.
         mass: "lumped", or "higher-order" (see `bridge.manifold.inertia`): waves that are a few elements long keep their speed, for
@@ -68,7 +69,7 @@ class Manifold:
     def __init__(
         self, lattice: Lattice, per_element: int | tuple[int, int, int], free: Where | None = None, manifold: Where | None = None,
         layers: int = 1, cut: str = "particles", continuum: bool = True, faces: str = "continuum", release: Criterion | None = None,
-        strain_at: str = "centre", margin: int = 0, check_every: int = 5, recoarsen: Recoarsening | None = None, mass: str = "lumped",
+        strain_at: str = "centre", within: Where | None = None, margin: int = 0, check_every: int = 5, recoarsen: Recoarsening | None = None, mass: str = "lumped",
         step: float | None = None,
     ) -> None:  # fmt: skip
         if lattice.time > 0.0:
@@ -96,6 +97,9 @@ class Manifold:
         self._shape = bricks.shape_functions(self.slots)
         self._gradient = bricks.shape_gradients(self.slots, self.size)
         self._centres, self._probe = (Probe(place, count[:axes], self.size) for place in ("centre", strain_at))
+        self._within = np.ones(self.grid.count, dtype=bool)
+        if within is not None:
+            self._within[np.setdiff1d(np.arange(self.grid.count), rows_of(within, self.centres))] = False
         self.kind = self._first_kinds(free, manifold, cut, continuum, faces)
         self._stiffness = Stiffness(lattice, self.grid, raster, self._shape)
         self._holds: list[tuple[np.ndarray, str, History]] = []
@@ -355,13 +359,13 @@ class Manifold:
 
     def overstrained(self) -> np.ndarray:
         """Elements that the criterion wants released: manifold elements that meet it, and the margin round them."""
-        manifold = np.flatnonzero(self.kind == MANIFOLD)
+        manifold = np.flatnonzero((self.kind == MANIFOLD) & self._within)
         if self.criterion is None or len(manifold) == 0:
             return manifold[:0]
         found = manifold[self._probe.meets(self.criterion, self._nodes, self._elements, manifold)]
         for _ in range(self.margin if len(found) else 0):
             found = self.grid.around(found)
-        return found[self.kind[found] != PARTICLES]
+        return found[(self.kind[found] != PARTICLES) & self._within[found]]
 
     def release(self, elements: np.ndarray) -> None:
         """Turn elements into free particles, and continuum elements near them into manifold elements.

@@ -10,6 +10,7 @@ import numpy as np
 from bridge.manifold import steps
 from continuum import bricks
 from particles.dispatch import Direct
+from particles.lattice import LatticeMaterial, geometry
 
 Criterion = Callable[[np.ndarray], np.ndarray]
 PLACES = ("centre", "particles")
@@ -24,6 +25,30 @@ def ultimate_strain(limit: float, reduction: float = 0.8) -> Criterion:
     if not 0 < reduction <= 1:
         raise ValueError(f"reduction={reduction} must be above 0 and at most 1")
     return lambda strain: principal(strain) > reduction * limit
+
+
+def bond_limits(material: LatticeMaterial, spacing: float, reduction: float = 0.8, axes: int = 3) -> Criterion:
+    """Criterion of the bonds themselves: one that is strained as its element is near a limit at which it breaks.
+
+    Args:
+        material: whose limits are meant.
+        spacing: of the lattice, m.
+        reduction: share of the limits at which elements are released.
+        axes: 3 for the cubic lattice, 2 for the hexagonal one.
+    """
+    if not 0 < reduction <= 1:
+        raise ValueError(f"reduction={reduction} must be above 0 and at most 1")
+    normal_limit, shear_limit = material.limits
+    arms = geometry.vectors(axes, spacing)[::2]
+    units = arms / np.linalg.norm(arms, axis=1, keepdims=True)
+
+    def near(strain: np.ndarray) -> np.ndarray:
+        moved = strain[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]] @ arms.T  # (k, 3, bonds)
+        along = np.einsum("kab,ba->kb", moved, units)
+        across = np.sqrt(np.maximum(np.einsum("kab,kab->kb", moved, moved) - along**2, 0.0))
+        return ((along > reduction * normal_limit) | (across > reduction * shear_limit)).any(axis=1)
+
+    return near
 
 
 def principal(strain: np.ndarray) -> np.ndarray:

@@ -87,10 +87,12 @@ def element_forces(nodes, elements):
 
 
 @njit(**KERNEL)
-def hand_over(state, nodes, elements):
-    """Forces on carried particles to the nodes: F_e = N F (eq 38)."""
+def hand_over(state, moment, nodes, elements):
+    """Forces on carried particles to the nodes: F_e = N F (eq 38); published forces are on those with bonds to free particles alone."""
     for q in range(len(elements.carried)):
         i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
+        if moment is None and state.force_kind[i] == NONE:
+            continue
         for a in range(len(elements.axes)):
             force = state.force[a, i]
             for c in range(len(elements.corners)):
@@ -118,7 +120,7 @@ def hand_over_without_couples(state, terms, moment, nodes, elements):
     none to cancel and are taken away by nodal forces 1/2 C x grad N, which have no resultant. `moment`: of the variational form, None
     for the published one.
     """
-    hand_over(state, nodes, elements)
+    hand_over(state, moment, nodes, elements)
     if moment is None:
         for q in range(len(elements.carried)):
             i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]

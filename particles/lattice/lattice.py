@@ -102,7 +102,7 @@ class Lattice:
 
     def _constants(self, plane: str, damping: float) -> Terms:
         springs = np.array([one.springs(self.spacing, self.axes, plane) for one in self.materials])
-        limits = np.array([(m.normal_limit, m.normal_limit if m.shear_limit is None else m.shear_limit) for m in self.materials])
+        limits = np.array([one.limits for one in self.materials])
         return Terms(
             self.spacing, geometry.vectors(self.axes, self.spacing), springs[:, 0].copy(), springs[:, 1].copy(),
             np.minimum(limits, 1e100) if np.isfinite(limits).any() else None, None if self.axes == 3 else 1,

@@ -36,6 +36,11 @@ class LatticeMaterial:
                 raise ValueError(f"{name}={value} must be positive (m)")
 
     @property
+    def limits(self) -> tuple[float, float]:
+        """Elongation and shear deformation at which a bond breaks, m."""
+        return self.normal_limit, self.normal_limit if self.shear_limit is None else self.shear_limit
+
+    @property
     def wave_speed(self) -> float:
         """Speed of compression waves in 3D and plane strain, m/s."""
         nu = self.poisson_ratio

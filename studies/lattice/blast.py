@@ -17,14 +17,15 @@ def triangle(rise: float, total: float) -> Callable[[float], float]:
     return history
 
 
-def slab(region: Any, spacing: float, material: Any, layer: Any = None) -> Any:
-    """One layer of the cubic lattice that repeats across the plane, without motion across: plane strain.
+def slab(region: Any, spacing: float, material: Any, layer: Any = None, layers: int = 1) -> Any:
+    """Layers of the cubic lattice that repeat across the plane, to be held without motion across: plane strain.
 
     Args:
         region: plane region.
         spacing: m.
         material: one, or a list that `layer` chooses from.
         layer: function of points.
+        layers: how many.
     """
     import numpy as np
 
@@ -32,7 +33,8 @@ def slab(region: Any, spacing: float, material: Any, layer: Any = None) -> Any:
     from particles.lattice import Lattice
 
     flat = packings.square(region, 0.5 * spacing)
-    sites = np.column_stack((flat, np.full(len(flat), 0.5 * spacing)))
+    heights = spacing * (np.arange(layers) + 0.5)
+    sites = np.column_stack((np.tile(flat, (layers, 1)), np.repeat(heights, len(flat))))
     return Lattice(sites, spacing, material, layer=layer, periodic="z")
 
 
@@ -56,9 +58,11 @@ def picture(recorder: Any, path: Any, what: str, scale: float, label: str) -> No
     from studies import drawing
     from studies.lattice.notch_figures import COLOURS
 
-    drawn, axes = drawing.figure(1, len(recorder.bodies), (3.6, 3.4))
-    for ax, (name, body) in zip(axes[0], recorder.bodies.items()):
+    columns = len(recorder.bodies) // 2 if len(recorder.bodies) > 2 else len(recorder.bodies)
+    drawn, axes = drawing.figure(max(1, len(recorder.bodies) // columns), columns, (3.6, 3.4))
+    for ax, (name, body) in zip(axes.T.ravel(), recorder.bodies.items()):
         x = body.lattice.reference
+        side = 170.0 * body.lattice.spacing / x[:, 0].max()  # of a particle, points
         if isinstance(body.model, Manifold):
             half = 0.5 * body.model.size[:2]
             corners = body.model.centres[:, None, :2] + half * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
@@ -66,7 +70,7 @@ def picture(recorder: Any, path: Any, what: str, scale: float, label: str) -> No
             ax.add_collection(PolyCollection(list(corners), facecolors=faces, edgecolors="0.8", lw=0.1))
         values = np.linalg.norm(body.motion()[1], axis=1) if what == "speed" else body.lattice.broken().astype(float)
         shown = np.ones(len(x), dtype=bool) if what == "speed" else values > 0
-        points = ax.scatter(*x[shown, :2].T, c=values[shown], s=0.6, marker="s", lw=0, vmin=0, vmax=scale, cmap="inferno_r")
+        points = ax.scatter(*x[shown, :2].T, c=values[shown], s=side**2, marker="s", lw=0, vmin=0, vmax=scale, cmap="inferno_r")
         ax.set(aspect="equal", title=name, xlabel="x (m)", ylabel="y (m)", xlim=(0, x[:, 0].max()), ylim=(0, x[:, 1].max()))
-    drawn.colorbar(points, ax=axes[0].tolist(), label=label, shrink=0.7)
+    drawn.colorbar(points, ax=axes.ravel().tolist(), label=label, shrink=0.7)
     drawing.save(drawn, path)

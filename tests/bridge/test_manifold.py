@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from bridge.manifold import CONTINUUM, MANIFOLD, PARTICLES, Manifold, principal, ultimate_strain
+from bridge.manifold import CONTINUUM, MANIFOLD, PARTICLES, Manifold, bond_limits, principal, ultimate_strain
 from bridge.manifold.criterion import Probe
 from continuum import bricks
 from meshes import Box, packings
@@ -122,6 +122,31 @@ def test_elements_left_to_particles_altogether_are_the_lattice():
     alone.advance(40)
     body.advance(40)
     assert np.abs(alone.displacement - body.lattice.displacement).max() < 1e-12 * np.abs(alone.displacement).max()
+
+
+def test_what_is_released_costs_what_its_particles_cost():
+    """Elements that have all been released leave the lists of the lattice alone: the same runs and rows, no element, no row carried."""
+    alone, body = lattice((6, 6, 9)), Manifold(lattice((6, 6, 9)), 3, continuum=False)
+    body.release(np.arange(body.grid.count))
+    alone.prepare(), body.prepare()
+    one, two = alone._state, body.lattice._state
+    assert len(body._elements.active) == len(body._elements.carried) == 0
+    for name in ("counts", "strain_kind", "force_kind", "moving", "bonds"):
+        assert np.array_equal(getattr(one, name), getattr(two, name))
+    for lists, number in (("strain_runs", 0), ("force_runs", 2), ("moving_runs", 4)):
+        count = one.counts[number]
+        assert np.array_equal(getattr(one, lists)[:count], getattr(two, lists)[:count])
+
+
+def test_nothing_is_arranged_in_steps_without_a_release():
+    body = Manifold(lattice((6, 6, 9)), 3, free=layers(3), release=ultimate_strain(1.0))
+    body.set_motion(velocity=lambda x: 1e-3 * np.sin(x))
+    body.advance(10)
+    elements, lists = body._elements, body.lattice._state
+    kept = [values.ctypes.data for values in (*elements[2:-1], *lists) if values is not None]
+    body.advance(50)
+    assert body._elements is elements and body.released == 0
+    assert [values.ctypes.data for values in (*body._elements[2:-1], *body.lattice._state) if values is not None] == kept
 
 
 def shaken(**options):
@@ -275,6 +300,12 @@ def test_no_particle_is_strained_more_than_those_in_the_corners_of_an_element():
     assert len(found) == 8 and found.max() == pytest.approx(everywhere.max(), rel=1e-13)
 
 
+def test_elements_are_released_within_a_region_alone():
+    body = Manifold(lattice((3, 3, 18)), 3, continuum=False, release=ultimate_strain(1e-4), within=layers(9), margin=1, check_every=1)
+    body.set_motion(displacement=lambda x: x * (0, 0, 2e-4))
+    assert np.array_equal(body.overstrained(), np.flatnonzero(body.centres[:, 2] < 9))
+
+
 def test_a_margin_round_overstrained_particles_is_released():
     """Bent elements, of which one has overstrained particles and none is overstrained in its centre."""
     options = {"continuum": False, "release": ultimate_strain(1e-4, 1.0)}
@@ -282,6 +313,17 @@ def test_a_margin_round_overstrained_particles_is_released():
         body = Manifold(lattice((3, 3, 12)), 3, strain_at=strain_at, margin=margin, **options)
         body.set_motion(displacement=lambda x: np.where(x[:, 2:] > 8.9, 1.0, 0.0) * np.where(x[:, :1] > 1, 3.2e-4, 0.0) * (0, 0, 1))
         assert len(body.overstrained()) == wanted
+
+
+@pytest.mark.parametrize("strain, reached", [((0, 0, 1, 0, 0, 0), 1.0), ((0, 0, 0, 0, 0, 1), 2**0.5), ((0, 0, -1, 0, 0, 0), 2**-0.5)])
+def test_the_criterion_of_bonds_is_met_where_the_first_bond_comes_near_its_limit(strain, reached):
+    """A strain e stretches an axial bond by e d, a shear e_xy an oblique one by sqrt(2) e_xy d; a compression e shears oblique ones by
+    e d / sqrt(2)."""
+    strain, limit = np.array([strain], dtype=float), 1e-3
+    met = bond_limits(LatticeMaterial(12.5e9, 0.2, 2650.0, limit), 1.0, 0.8)
+    assert not met(0.999 * 0.8 * limit / reached * strain)[0] and met(1.001 * 0.8 * limit / reached * strain)[0]
+    only_tension = bond_limits(LatticeMaterial(12.5e9, 0.2, 2650.0, limit, 1.0), 1.0, 0.8)
+    assert not only_tension(-limit * np.array([(0, 0, 1, 0, 0, 0)]))[0]
 
 
 def test_overstrained_elements_are_released_while_the_run_goes_on():
