@@ -7,8 +7,15 @@ from typing import Any
 import click
 
 from studies.calibrate import NOT_OPTIONS, TITLE, Targets
-from studies.leading import led
-from studies.options import click_options, no_figures_option, output_option, quiet_option
+from studies.leading import led, started
+from studies.options import (
+    checkpoint_option,
+    click_options,
+    no_figures_option,
+    output_option,
+    quiet_option,
+    resume_option,
+)
 from studies.rock import Compression
 
 HELP = f"""{TITLE}.
@@ -24,20 +31,26 @@ further runs on the same packings, and checked on others.
 @click_options(Compression, without=NOT_OPTIONS)
 @output_option("calibrate")
 @no_figures_option
+@checkpoint_option
+@resume_option
 @quiet_option
-def command(output: str, no_figures: bool, quiet: bool, **values: Any) -> int:
+@click.pass_context
+def command(
+    context: click.Context, output: str, no_figures: bool, checkpoint_every: float, resume: str | None, quiet: bool, **values: Any
+) -> int:
     """Check everything, then run; returns the exit status."""
     target = Targets(**{name: values.pop(name) for name in Targets.__dataclass_fields__})
-    specimen = Compression(**values)
-
-    from bridge.output import check_folder
-
-    folder = check_folder(output)
+    specimen, figures = Compression(**values), not no_figures
+    folder, start = started(context, output, resume, "calibrate", Targets)
+    if start is not None:
+        target, specimen, figures = start.parameters, Compression(**start.options["specimen"]), start.options["figures"]
 
     def script() -> str:
         from studies.calibrate_run import carry_out
 
-        summary = carry_out(target, specimen, folder, figures=not no_figures, progress=not quiet)
+        summary = carry_out(
+            target, specimen, folder, figures=figures, progress=not quiet, checkpoint_every=checkpoint_every, start=start
+        )
         if not quiet:
             click.echo(report(summary))
             click.echo(f"results in {folder}")

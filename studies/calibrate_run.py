@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,8 @@ from particles import Unstable
 from particles.crew import ranks
 from studies.calibrate import MICRO, Targets, rock_test
 from studies.calibration import Calibrated, Micro, Relations, refine
-from studies.rock import Compression
+from studies.resuming import Results, Start
+from studies.rock import Compression, Parameters
 from studies.rock_results import spread
 from studies.rock_run import tested
 
@@ -42,12 +45,14 @@ class Laboratory:
         specimen: packing, sizes and driving of them; its micro parameters do not matter.
         record: called with a phase, micro parameters, seed and responses.
         watch: takes the seconds.
+        kept: has the results of runs that have been made before.
     """
 
     target: Targets
     specimen: Compression
     record: Callable[[dict[str, float]], None]
     watch: Stopwatch
+    kept: Results | None = None
     samples: int = 600
     progress: bool = True
 
@@ -61,16 +66,13 @@ class Laboratory:
         for seed in seeds:
             values: list[float] = []
             for kind in self.target.tests:
-                one = tested(
-                    rock_test(kind, micro, self.specimen, self.target), seed, self.samples, stopwatch=self.watch, progress=self.progress
-                )
-                if not one.outcome.stable:
-                    raise Unstable(one.outcome.message)
-                if not one.model.is_broken(one.outcome.history[-1]):
+                found = self._once(partial(self._test, kind, micro, seed))
+                radius, broken, *results = found.tolist()
+                if not broken:
                     warnings.warn(f"packing {seed} of {kind.study} did not break with k_t / k_n = {micro.stiffness_ratio:.3g}", stacklevel=2)
-                values += [one.results[name][0] for name in NAMES if name in kind.published]
+                values += results
                 if kind is Compression:
-                    radii.append(one.model.radius)
+                    radii.append(radius)
             if not all(math.isfinite(value) for value in values) or min(values[0], *values[2:]) <= 0.0:
                 raise ValueError(
                     f"speed={self.specimen.speed:g} must be lower, or the specimen larger: packing {seed} gave no moduli or strength"
@@ -78,6 +80,19 @@ class Laboratory:
             self.record({"phase": phase, "packing": seed, **micro._asdict(), **dict(zip(NAMES, values))})
             rows.append([math.log(values[0]), values[1], *map(math.log, values[2:])])
         return np.array(rows), np.array(radii)
+
+
+    def _once(self, find: Callable[[], np.ndarray]) -> np.ndarray:
+        return find() if self.kept is None else self.kept.once(find)
+
+    def _test(self, kind: type[Parameters], micro: Micro, seed: int) -> np.ndarray:
+        """Radius of the specimen's discs (m), whether it broke (0, 1), and the results of the test."""
+        options = {"stopwatch": self.watch, "progress": self.progress, "watcher": None if self.kept is None else self.kept.keeper}
+        one = tested(rock_test(kind, micro, self.specimen, self.target), seed, self.samples, **options)
+        if not one.outcome.stable:
+            raise Unstable(one.outcome.message)
+        broken = one.model.is_broken(one.outcome.history[-1])
+        return np.array([one.model.radius, broken, *(one.results[name][0] for name in NAMES if name in kind.published)])
 
 
 def tabulated(laboratory: Laboratory, seeds: range) -> Relations:
@@ -109,9 +124,19 @@ def tabulated(laboratory: Laboratory, seeds: range) -> Relations:
 
 
 def carry_out(
-    target: Targets, specimen: Compression, folder: Path, *, figures: bool = True, progress: bool = True
+    target: Targets, specimen: Compression, folder: Path, *, figures: bool = True, progress: bool = True,
+    checkpoint_every: float = 0.0, start: Start | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Calibrate and write what the runs leave behind; returns the content of summary.json.
+
+    Args:
+        target: what is wanted.
+        specimen: packing, sizes and driving of the specimens.
+        folder: for the results, made if need be.
+        figures: whether pictures are drawn.
+        progress: show bars on terminals.
+        checkpoint_every: seconds of wall time between checkpoints; 0 for none but at Ctrl-C or SIGTERM.
+        start: where the study was stopped: tests that have ended are not made again.
 
     Raises:
         ValueError: the target is out of reach of the grid.
@@ -121,7 +146,8 @@ def carry_out(
     folder = output.prepare_folder(folder, MPI.COMM_SELF)
     output.clear(folder, FILES)
     rows = output.HistoryFile(folder / "runs.csv")
-    laboratory = Laboratory(target, specimen, rows.write, watch, progress=progress)
+    kept = Results("calibrate", target, {"specimen": asdict(specimen), "figures": figures}, folder, watch, checkpoint_every, start)
+    laboratory = Laboratory(target, specimen, rows.write, watch, kept, progress=progress)
     seeds = range(specimen.seed, specimen.seed + target.packings)
     fresh = range(seeds.stop, seeds.stop + target.check_packings)
     phase = count(1)
@@ -129,24 +155,24 @@ def carry_out(
     def measure(micro: Micro) -> np.ndarray:
         return laboratory.measure(micro, seeds, next(phase))[0]
 
-    with warnings.catch_warnings(record=True) as caught:
+    with kept, contextlib.closing(rows), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         relations = tabulated(laboratory, seeds)
         write_relations(folder / "relations.csv", relations, seeds)
-        start = relations.inverse(target.responses)
-        result = refine(relations, target.responses, start, measure, target.rounds)
+        first = relations.inverse(target.responses)
+        result = refine(relations, target.responses, first, measure, target.rounds)
         checked, _ = laboratory.measure(result.micro, fresh, -1)
-    rows.close()
     heard = sorted({str(w.message) for w in caught if w.category is UserWarning})
     if figures:
         with watch.phase("output"):
             from studies.calibrate_figures import draw
 
             draw(relations, result, checked, folder / "relations.png")
-    summary = summarise(target, specimen, relations, start, result, checked, watch, heard)
+    summary = summarise(target, specimen, relations, first, result, checked, watch, heard)
     for words in summary["warnings"]:
         print(f"Warning: {words}", file=sys.stderr)
     output.write_json(folder / "summary.json", summary)
+    kept.finished()
     return summary
 
 

@@ -6,9 +6,18 @@ from typing import Any
 
 import click
 
-from studies.foundation_command import unstable
 from studies.interface import TITLE, Parameters
-from studies.options import brief, click_options, no_figures_option, one_rank, output_option, quiet_option
+from studies.leading import led, shown, started
+from studies.options import (
+    brief,
+    checkpoint_option,
+    click_options,
+    no_figures_option,
+    one_rank,
+    output_option,
+    quiet_option,
+    resume_option,
+)
 
 HELP = f"""{TITLE}.
 
@@ -24,27 +33,30 @@ the same lattice without cells, and which zone keeps it below the wanted value. 
 @click.option("--samples", default=400, type=int, metavar="NUMBER", help="Rows of history.csv.  [default: 400]")
 @click.option("--no-map", is_flag=True, help="Only the run that is shown.")
 @no_figures_option
+@checkpoint_option
+@resume_option
 @quiet_option
-def command(output: str, samples: int, no_map: bool, no_figures: bool, quiet: bool, **values: Any) -> int:
+@click.pass_context
+def command(
+    context: click.Context, output: str, samples: int, no_map: bool, no_figures: bool, checkpoint_every: float, resume: str | None,
+    quiet: bool, **values: Any,
+) -> int:  # fmt: skip
     """Check everything, then run; returns the exit status."""
     if not 1 <= samples <= 1_000_000:
         raise ValueError(f"samples={brief(samples)} must be between 1 and 1000000")
-    p = Parameters(**values)
+    parameters = Parameters(**values)
     one_rank("interface")
+    folder, start = started(context, output, resume, "interface", Parameters)
+    options = {"samples": samples, "map_too": not no_map, "figures": not no_figures}
+    p, options = (parameters, options) if start is None else (start.parameters, start.options)
 
-    from bridge.output import check_folder
+    def script() -> str:
+        from studies.interface_run import carry_out
 
-    folder = check_folder(output)
+        summary = carry_out(p, folder, **options, progress=not quiet, checkpoint_every=checkpoint_every, start=start)
+        return shown(summary, report, folder, quiet)
 
-    from studies.interface_run import carry_out
-
-    summary = carry_out(p, folder, samples=samples, map_too=not no_map, figures=not no_figures, progress=not quiet)
-    if not summary["stable"]:
-        return unstable(summary["message"])
-    if not quiet:
-        click.echo(report(summary))
-        click.echo(f"results in {folder}")
-    return 0
+    return led(script)
 
 
 def report(summary: dict[str, Any]) -> str:

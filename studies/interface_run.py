@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import math
@@ -15,8 +16,9 @@ import numpy as np
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
-from studies.interface import PUBLISHED_TRANSIT, Parameters
+from studies.interface import PUBLISHED_TRANSIT, Parameters, Setting
 from studies.interface_model import Passage, Strip, passage
+from studies.resuming import Results, Start
 
 FIGURES = ("profiles.png", "passage.png", "map.png", "map_wavelength.png", "map_element.png", "map_penalty.png")
 FILES = ("summary.json", "history.csv", "profiles.csv", "map.csv", *FIGURES)
@@ -43,8 +45,9 @@ class Advice(NamedTuple):
 
 
 def carry_out(
-    p: Parameters, folder: Path, *, samples: int = 400, map_too: bool = True, figures: bool = True, progress: bool = True
-) -> dict[str, Any]:
+    p: Parameters, folder: Path, *, samples: int = 400, map_too: bool = True, figures: bool = True, progress: bool = True,
+    checkpoint_every: float = 0.0, start: Start | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Run everything and write what it leaves behind; returns the content of summary.json.
 
     Args:
@@ -54,26 +57,34 @@ def carry_out(
         map_too: whether the map is computed.
         figures: whether pictures are drawn.
         progress: show bars on terminals.
+        checkpoint_every: seconds of wall time between checkpoints; 0 for none but at Ctrl-C or SIGTERM.
+        start: where the study was stopped: runs of the map that have ended are not made again.
     """
     watch = Stopwatch()
     with watch.phase("setup"):
         strip = Strip(p, p.shown)
     folder = output.prepare_folder(folder)
     output.clear(folder, FILES)
+    options = {"samples": samples, "map_too": map_too, "figures": figures}
+    kept = Results("interface", p, options, folder, watch, checkpoint_every, start)
     history = output.HistoryFile(folder / "history.csv")
     transit = p.length / p.wave_speed
     steps = math.ceil(SHOWN[-1] * transit / strip.step)
     profiles: list[Profile] = []
-    outcome = run(
-        strip, steps, samples=samples, frames=[round(share * transit / strip.step) for share in SHOWN], stopwatch=watch,
-        on_sample=history.write, on_frame=lambda: profiles.append(Profile(strip.time, *strip.profile())), label="interface",
-        progress=progress,
-    )  # fmt: skip
-    history.close()
-    output.write_text(folder / "profiles.csv", profiles_as_csv(profiles))
-    with watch.phase("stepping"):
-        shown = passage(p, p.shown)
-        passages = [passage(p, setting) for setting in _shown(p.settings(), progress)] if map_too else []
+    with kept, contextlib.closing(history):
+        outcome = run(
+            strip, steps, samples=samples, frames=[round(share * transit / strip.step) for share in SHOWN], stopwatch=watch,
+            on_sample=history.write, on_frame=lambda: profiles.append(Profile(strip.time, *strip.profile())), label="interface",
+            progress=progress, watcher=kept.keeper,
+        )  # fmt: skip
+        output.write_text(folder / "profiles.csv", profiles_as_csv(profiles))
+
+        def passed(setting: Setting) -> Passage:
+            with watch.phase("stepping"):
+                return Passage(setting, *kept.once(lambda: np.array(passage(p, setting)[1:])).tolist())
+
+        shown = passed(p.shown)
+        passages = [passed(setting) for setting in _shown(p.settings(), progress)] if map_too else []
     advice = advise(p, passages)
     if passages:
         output.write_text(folder / "map.csv", map_as_csv(passages))
@@ -87,6 +98,8 @@ def carry_out(
             interface_figures.draw(p, outcome, profiles, passages, folder)
     summary = summarise(p, strip, outcome, shown, passages, advice, watch, heard)
     output.write_json(folder / "summary.json", summary)
+    if outcome.stable:
+        kept.finished()
     return summary
 
 

@@ -233,6 +233,49 @@ class Runs:
         checkpoint.remove(self._path)
 
 
+class Results:
+    """Results of the parts of a study on the rank that leads, one after the other; those that a checkpoint has are not sought again.
+
+    For studies of many short runs: what is lost is a part that has not ended. Arguments as for `Runs`.
+    """
+
+    def __init__(
+        self, study: str, p: Any, options: dict[str, Any], folder: Path, watch: Stopwatch, every: float = 0.0,
+        start: Start | None = None,
+    ) -> None:  # fmt: skip
+        self._path, self._watch = folder / checkpoint.NAME, watch
+        self._known = [] if start is None else [values for _, values in sorted(start.state["done"].items())]
+        self._done: list[np.ndarray] = []
+        self.keeper = checkpoint.Keeper(self._state, self._path, describe(study, p, options, MPI.COMM_SELF), every, MPI.COMM_SELF)
+        if start is None:
+            checkpoint.remove(self._path)
+        else:
+            restore_watch(watch, start.state)
+
+    def __enter__(self) -> Results:
+        self.keeper.__enter__()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.keeper.__exit__(*exception)
+
+    def _state(self) -> State:
+        return {"done": packed(self._done + self._known[len(self._done) :])} | watch_state(self._watch)
+
+    def once(self, find: Callable[[], np.ndarray]) -> np.ndarray:
+        """Numbers that the next part finds, or found before; after it a checkpoint is written when it is time to."""
+        if len(self._done) < len(self._known):
+            self._done.append(self._known[len(self._done)])
+        else:
+            self._done.append(find())
+            self.keeper.look()
+        return self._done[-1]
+
+    def finished(self) -> None:
+        """The study has left all its results: nothing is to be resumed."""
+        checkpoint.remove(self._path)
+
+
 def _copied(state: Any) -> Any:
     if isinstance(state, dict):
         return {name: _copied(value) for name, value in state.items()}

@@ -8,14 +8,16 @@ from typing import Any
 import click
 
 from studies.lattice import cantilever, cavern, notch, plate, tension, tunnel, wave
-from studies.leading import led, shown
+from studies.leading import led, shown, started
 from studies.options import (
     brief,
+    checkpoint_option,
     click_options,
     no_fields_option,
     no_figures_option,
     output_option,
     quiet_option,
+    resume_option,
 )
 
 SOURCE = "Published: Zhao, Khalili, Fang & Zhao (2012), a coupled distinct lattice spring model."
@@ -24,21 +26,24 @@ SOURCE = "Published: Zhao, Khalili, Fang & Zhao (2012), a coupled distinct latti
 def make(name: str, study: Any) -> click.Command:
     """Command of a study module with TITLE, HELP, Parameters and `carry_out`."""
 
-    def run(output: str, samples: int, no_fields: bool, no_figures: bool, quiet: bool, **values: Any) -> int:
+    @click.pass_context
+    def run(
+        context: click.Context, output: str, samples: int, no_fields: bool, no_figures: bool, checkpoint_every: float,
+        resume: str | None, quiet: bool, **values: Any,
+    ) -> int:  # fmt: skip
         """Check everything, then run; returns the exit status."""
         if not 2 <= samples <= 100_000:
             raise ValueError(f"samples={brief(samples)} must be between 2 and 100000")
-        p = study.Parameters(**values)
-
-        from bridge.output import check_folder
-
-        folder = check_folder(output)
+        parameters = study.Parameters(**values)
+        folder, start = started(context, output, resume, name, study.Parameters)
+        options = {"samples": samples, "fields": not no_fields, "figures": not no_figures}
+        p, options = (parameters, options) if start is None else (start.parameters, start.options)
 
         def script() -> str:
             from studies.lattice.common import Recorder
 
-            with Recorder(name, p, folder, samples=samples, fields=not no_fields, progress=not quiet) as recorder:
-                study.carry_out(p, recorder, figures=not no_figures)
+            with Recorder(name, p, folder, **options, progress=not quiet, checkpoint_every=checkpoint_every, start=start) as recorder:
+                study.carry_out(p, recorder, figures=options["figures"])
             return shown(recorder.summary, report, folder, quiet)
 
         return led(script)
@@ -46,7 +51,7 @@ def make(name: str, study: Any) -> click.Command:
     decorators: list[Callable[[Any], Any]] = [
         click_options(study.Parameters), output_option(name),
         click.option("--samples", default=400, type=int, metavar="NUMBER", help="Rows of history.csv a model.  [default: 400]"),
-        no_fields_option, no_figures_option, quiet_option,
+        no_fields_option, no_figures_option, checkpoint_option, resume_option, quiet_option,
     ]  # fmt: skip
     for decorate in reversed(decorators):
         run = decorate(run)

@@ -14,9 +14,12 @@ from mpi4py import MPI
 
 from bridge import output
 from bridge.manifold import LOST, PARTICLES, Manifold
-from bridge.run import Outcome, Stopwatch, run
+from bridge.manifold import kept as manifold_kept
+from bridge.run import Outcome, Stopwatch
 from particles.crew import ranks
 from particles.lattice import Lattice
+from particles.lattice import kept as lattice_kept
+from studies.resuming import Runs, Start, State
 
 CELLS = {8: ("hexahedron", [0, 1, 3, 2, 4, 5, 7, 6]), 4: ("quad", [0, 1, 3, 2])}  # nodes of an element as VTK wants them
 SERIES = ("particles", "elements")
@@ -32,6 +35,8 @@ class Body:
 
     def __post_init__(self) -> None:
         self.step: float = self.model.step
+        self.steps = 0  # of its run
+        self._earlier, self._clock = 0.0, lambda: 0.0
 
     @property
     def lattice(self) -> Lattice:
@@ -50,6 +55,28 @@ class Body:
     def energies(self) -> dict[str, float]:
         """Terms in J."""
         return self.model.energies()
+
+    def timed(self, clock: Callable[[], float]) -> None:
+        """Take the seconds of its steps from a clock from now on."""
+        self._clock = clock
+
+    def seconds(self) -> float:
+        """Of its steps so far, in an earlier part of the run, too."""
+        return self._earlier + self._clock()
+
+    def state(self) -> State:
+        """What it goes on from."""
+        model = self.model
+        found = manifold_kept.state_of(model) if isinstance(model, Manifold) else lattice_kept.state_of(model)
+        return found | {"seconds": self.seconds()}
+
+    def restore(self, state: State) -> None:
+        """Put a state back."""
+        if isinstance(self.model, Manifold):
+            manifold_kept.restore(self.model, state)
+        else:
+            lattice_kept.restore(self.model, state)
+        self._earlier = float(state["seconds"])
 
     def motion(self, rows: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities (n, 3) of particles, all by default."""
@@ -81,13 +108,21 @@ class Recorder:
         folder: of the results.
         samples: rows of the history a body.
         fields: whether field files are written.
+        figures: whether pictures are drawn.
         progress: show bars on terminals.
+        checkpoint_every: seconds of wall time between checkpoints; 0 for none but at Ctrl-C or SIGTERM.
+        start: where the study was stopped.
     """
 
-    def __init__(self, study: str, p: Any, folder: Path, *, samples: int, fields: bool, progress: bool) -> None:
+    def __init__(
+        self, study: str, p: Any, folder: Path, *, samples: int, fields: bool, figures: bool, progress: bool,
+        checkpoint_every: float = 0.0, start: Start | None = None,
+    ) -> None:  # fmt: skip
+        options = {"samples": samples, "fields": fields, "figures": figures}
         self.study, self.p, self.samples, self.fields, self.progress = study, p, samples, fields, progress
         self.folder = output.prepare_folder(folder, MPI.COMM_SELF)
         self.watch = Stopwatch()
+        self._runs = Runs(study, p, options, folder, self.watch, checkpoint_every, start)
         self.results: dict[str, dict[str, Any]] = {}
         self.bodies: dict[str, Body] = {}
         self.outcomes: dict[str, Outcome] = {}
@@ -101,10 +136,12 @@ class Recorder:
         output.clear(self.folder, ("summary.json", "history.csv", *(path.name for path in self.folder.glob("*.png"))), SERIES)
         self._catch = warnings.catch_warnings(record=True)
         self._caught = self._catch.__enter__()
+        self._runs.__enter__()
         warnings.simplefilter("default", UserWarning)
         return self
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        self._runs.__exit__(kind, error, trace)
         self._catch.__exit__(kind, error, trace)
         if self._history is not None:
             self._history.close()
@@ -123,24 +160,34 @@ class Recorder:
         return body
 
     def run(
-        self, body: Body, steps: int, until: Callable[[dict[str, float]], bool] | None = None, frames: int = 1,
-        on_frame: Callable[[], None] | None = None,
+        self, body: Body, steps: int, until: Callable[[dict[str, float]], bool] | None = None,
+        on_sample: Callable[[dict[str, float]], None] = lambda row: None, stages: list[Any] | None = None, kind: Any = float,
     ) -> Outcome:  # fmt: skip
-        """Run a body; its rows go to history.csv under its name."""
+        """Run a body, or go on with it; its rows go to history.csv under its name.
+
+        Args:
+            body: at its start.
+            steps: of its run.
+            until: asked with each new row: true ends the run there.
+            on_sample: called with each row before, those of an earlier part, too.
+            stages: what `until` keeps of the run, named tuples of a kind; those of an earlier part come first.
+            kind: of the stages.
+        """
         if self._history is None:
             self._history = output.HistoryFile(self.folder / "history.csv")
         history = self._history
         with self.watch.phase("setup"):
             body.advance(0)
         before, free = self.watch.seconds["stepping"], body.lattice.free.sum()
-        outcome = run(
-            body, steps, samples=self.samples, until=until, stopwatch=self.watch, label=body.name, progress=self.progress,
-            frames=np.unique(np.linspace(0, steps, frames + 1).astype(int)[1:]).tolist() if on_frame else (),
-            on_frame=on_frame,
+        body.timed(lambda: self.watch.seconds["stepping"] - before)
+        body.steps = steps
+        outcome = self._runs.run(
+            body.name, body, [] if stages is None else stages, kind, lambda steps: np.empty(0), samples=self.samples, until=until,
+            on_sample=on_sample, label=body.name, progress=self.progress,
         )  # fmt: skip
         for row in outcome.history:
             history.write({"model": body.name, **_common(row)})
-        self.seconds[body.name] = self.watch.seconds["stepping"] - before
+        self.seconds[body.name] = body.seconds()
         self.particle_steps += 0.5 * float(free + body.lattice.free.sum()) * outcome.steps
         self.outcomes[body.name] = outcome
         if self.fields and outcome.stable:
@@ -173,6 +220,8 @@ class Recorder:
             "stable": stable, "message": message, "warnings": self._heard,
         }  # fmt: skip
         output.write_json(self.folder / "summary.json", self.summary)
+        if stable:
+            self._runs.finished()
 
 
 def _common(row: dict[str, float]) -> dict[str, float]:

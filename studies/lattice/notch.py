@@ -116,7 +116,7 @@ def carry_out(p: Parameters, recorder: Any, figures: bool) -> None:
     """Both models: load against displacement, release and growth of the crack."""
     import numpy as np
 
-    from studies.lattice.notch_figures import draw, stage
+    from studies.lattice.notch_figures import Stage, draw, stage
 
     stages: dict[str, list[Any]] = {}
     for name in MODELS if p.models == "both" else (p.models,):
@@ -124,7 +124,7 @@ def carry_out(p: Parameters, recorder: Any, figures: bool) -> None:
         ramp = 4.0 * p.height / body.lattice.materials[0].wave_speed
         steps = math.ceil((p.elongation / p.speed + 0.5 * ramp) / body.step)
         watched = _Watch(lambda b=body: stage(b))
-        outcome = recorder.run(body, steps, until=watched)
+        outcome = recorder.run(body, steps, until=watched, on_sample=watched.note, stages=watched.stages, kind=Stage)
         stages[name] = watched.stages
         load = outcome.column("load_N")
         top = int(np.argmax(load))
@@ -152,14 +152,16 @@ class _Watch:
     """Keeps a stage whenever elements have been released or bonds have broken, and ends the run when the load has dropped."""
 
     def __init__(self, look: Any) -> None:
-        self._look, self._peak, self._grown = look, 0.0, -1.0
+        self._look, self._peak, self._before, self._grown = look, 0.0, -1.0, -1.0
         self.stages: list[Any] = []
 
-    def __call__(self, row: dict[str, float]) -> bool:
+    def note(self, row: dict[str, float]) -> None:
+        """See a row, before it is asked about."""
         self._peak = max(self._peak, row["load_N"])
-        grown = row["broken_bonds_1"] + row["released_1"]
-        if grown > self._grown:
-            self._grown = grown
+        self._before, self._grown = self._grown, row["broken_bonds_1"] + row["released_1"]
+
+    def __call__(self, row: dict[str, float]) -> bool:
+        if self._grown > self._before:
             self.stages.append(self._look())
         return row["broken_bonds_1"] > 0 and row["load_N"] < LEAST_DROP * self._peak
 

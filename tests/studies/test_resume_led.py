@@ -1,12 +1,29 @@
 """Element tests, columns, rock and cutting go on from their checkpoints and leave behind what an undisturbed run does."""
 
 import json
+import math
+from types import SimpleNamespace
 
 import pytest
 
 from bridge import checkpoint
-from studies import column, column_run, cutting, cutting_run, lab, lab_run, rock, rock_run
+from studies import (
+    calibrate_run,
+    column,
+    column_run,
+    cutting,
+    cutting_run,
+    interface,
+    interface_run,
+    lab,
+    lab_run,
+    rock,
+    rock_run,
+)
+from studies.calibrate import Targets
+from studies.calibration import Micro
 from studies.resuming import read_checkpoint
+from tests.studies.test_calibration import RADIUS, SMALL, hexagonal
 from tests.studies.test_resume import Stopped, stop_at
 
 QUIET = {"figures": False, "progress": False}
@@ -48,3 +65,53 @@ def test_a_resumed_study_leaves_the_same_bits(tmp_path, monkeypatch, study):
     one, two = (json.loads((tmp_path / name / "summary.json").read_text()) for name in ("whole", "parts"))
     for name in ("results", "energy", "counts", "steps", "warnings"):
         assert one[name] == two[name], name
+
+
+def short_map(folder, start=None, **options):
+    p = interface.Parameters(elements="0.004", overlaps="0.01,0.03", wavelengths="0.02", couplings="lagrange")
+    return interface_run.carry_out(p, folder, start=start, **({"samples": 20} | options), progress=False)
+
+
+def table(folder, start=None, figures=False, **options):
+    """A calibration by specimens of the hexagonal lattice, whose responses are known."""
+    target = Targets(young_modulus=2e10, poisson_ratio=0.2, compressive_strength=1e7, packings=2, check_packings=2)
+    return calibrate_run.carry_out(target, SMALL, folder, figures=figures, start=start, progress=False)
+
+
+def lattice_test(p, seed, samples, **options):
+    young, poisson, *strength = hexagonal(Micro(p.normal_stiffness, p.shear_stiffness / p.normal_stiffness, p.tensile_strength, 1.0))
+    numbers = (math.exp(young) * (1.0 + 1e-3 * seed), poisson, *map(math.exp, strength))
+    outcome = SimpleNamespace(stable=True, history=[{}])
+    model = SimpleNamespace(is_broken=lambda row: seed % 2 == 0, radius=RADIUS)
+    return SimpleNamespace(outcome=outcome, model=model, results={name: (value,) for name, value in zip(calibrate_run.NAMES, numbers)})
+
+
+@pytest.mark.parametrize("study, kind, run, made", [("interface", interface.Parameters, short_map, "passage"), ("calibrate", Targets, table, "tested")])
+def test_of_many_short_runs_those_that_have_ended_are_not_made_again(tmp_path, monkeypatch, study, kind, run, made):
+    module = {"interface": interface_run, "calibrate": calibrate_run}[study]
+    if study == "calibrate":
+        monkeypatch.setattr(module, "tested", lattice_test)
+    calls, work = [], getattr(module, made)
+    monkeypatch.setattr(module, made, lambda *arguments, **options: (calls.append(1), work(*arguments, **options))[1])
+    whole, once = run(tmp_path / "whole", figures=False), len(calls)
+    calls.clear()
+    looks: list = []
+
+    def look(keeper):
+        looks.append(len(calls))
+        if looks[-1] == 2:
+            keeper.write()
+            raise Stopped
+
+    with monkeypatch.context() as patch, pytest.raises(Stopped):
+        patch.setattr(checkpoint.Keeper, "look", look)
+        run(tmp_path / "parts", figures=False)
+    start = read_checkpoint(tmp_path / "parts", study, kind)
+    assert len(start.state["done"]) == 2
+    again = run(tmp_path / "parts", start, **{name: value for name, value in start.options.items() if name != "specimen"})
+    assert len(calls) == once and not (tmp_path / "parts" / checkpoint.NAME).exists()
+    for name in ("results", "counts", "warnings"):
+        assert repr(again[name]) == repr(whole[name])  # NaN, too
+    for file in (tmp_path / "whole").glob("*.csv"):
+        if file.name != "map.csv":  # it has seconds
+            assert file.read_bytes() == (tmp_path / "parts" / file.name).read_bytes(), file.name
