@@ -9,7 +9,7 @@ from numba import njit
 
 from particles.lattice.general import bond_energy, elongation_of, set_cluster, shear_of, strain_special
 from particles.lattice.lists import list_rows
-from particles.lattice.regular import worst_cubic
+from particles.lattice.regular import worst_cubic, worst_hexagonal
 from particles.lattice.state import (
     BREAKING,
     BROKEN,
@@ -80,13 +80,18 @@ def _shared(state, terms, i, j):
 
 
 @njit(**KERNEL)
-def _near_failure(state, terms, limits, first, count):
+def _near_failure(state, terms, limits, plane, first, count):
     """Whether any bond of a run has come to its limit, but for rounding."""
     u, e, kind = state.displacement, state.strain, state.material[first]
-    worst = worst_cubic(
-        first, count, state.near[first], terms.spacing, limits[kind, 0], limits[kind, 1], u[0], u[1], u[2],
-        e[0], e[1], e[2], e[3], e[4], e[5],
-    )  # fmt: skip
+    if plane is None:
+        worst = worst_cubic(
+            first, count, state.near[first], terms.spacing, limits[kind, 0], limits[kind, 1], u[0], u[1], u[2],
+            e[0], e[1], e[2], e[3], e[4], e[5],
+        )  # fmt: skip
+    else:
+        worst = worst_hexagonal(
+            first, count, state.near[first], terms.spacing, limits[kind, 0], limits[kind, 1], u[0], u[1], e[0], e[1], e[5]
+        )
     return worst > 1.0 - 1e-9
 
 
@@ -100,7 +105,7 @@ def failing(state, terms, limits, moving):
     found, room = 0, np.empty((16, 2), dtype=np.int64)
     for q in range(state.counts[FORCE_RUNS]):
         first, count = state.force_runs[q, 0], state.force_runs[q, 1]
-        if terms.plane is None and not _near_failure(state, terms, limits, first, count):
+        if not _near_failure(state, terms, limits, terms.plane, first, count):
             continue
         for i in range(first, first + count):
             found, room = _failing_at(state, terms, limits, moving, i, found, room)

@@ -142,3 +142,20 @@ def worst_cubic(first, count, near, spacing, normal, shear, ux, uy, uz, xx, yy, 
         t = max(t, 0.5 * (yy[p8 + i] + cyy - zz[p8 + i] - czz) ** 2 + (xy[p8 + i] + cxy - xz[p8 + i] - cxz) ** 2)
         worst = max(worst, reach * n, oblique * m, across * t)
     return worst
+
+
+@njit(**KERNEL)
+def worst_hexagonal(first, count, near, spacing, normal, shear, ux, uy, xx, yy, xy):
+    """Largest share of their limits (m) that bonds of a run of the hexagonal lattice have reached."""
+    height = 0.5 * math.sqrt(3.0)
+    reach, across = 1.0 / normal, 0.5 * spacing / shear  # shear deformations from sums of the strains of both ends
+    worst = 0.0
+    s = U(first)
+    a, p, q = U(near[0]), U(near[2]), U(near[4])
+    for i in range(U(count)):
+        x, y, cxx, cyy, cxy = ux[s + i], uy[s + i], xx[s + i], yy[s + i], xy[s + i]
+        n = max(0.5 * (ux[p + i] - x) + height * (uy[p + i] - y), height * (uy[q + i] - y) - 0.5 * (ux[q + i] - x), ux[a + i] - x)
+        tp = 0.5 * (height * (yy[p + i] + cyy - xx[p + i] - cxx) - xy[p + i] - cxy)
+        tq = 0.5 * (height * (xx[q + i] + cxx - yy[q + i] - cyy) - xy[q + i] - cxy)
+        worst = max(worst, reach * n, across * max(abs(tp), abs(tq), abs(xy[a + i] + cxy)))
+    return worst

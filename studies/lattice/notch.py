@@ -12,10 +12,12 @@ TITLE = "A notched specimen torn apart: elements are released as the crack comes
 HELP = (
     "The top of a plate with a notch in its side is drawn up slowly, its bottom is fixed. The body is manifold elements at free faces and "
     "round the notch, continuum elements elsewhere; manifold elements are released where the largest principal strain comes near the "
-    "ultimate strain, and the crack runs through particles. The same by particles alone."
+    "ultimate strain, and the crack runs through particles. The same by particles alone. With the hexagonal lattice the plate is a "
+    "sheet in plane stress, of the height that whole elements have, and energies are per metre of thickness."
 )
 MODELS = ("release", "particles")
 PLACES, FACES = ("particles", "centre"), ("manifold", "continuum")
+LATTICES = ("cubic", "hexagonal")
 LEAST_DROP = 0.5  # of the load, of its peak: the specimen has failed
 
 
@@ -29,6 +31,7 @@ class Parameters:
     notch: float = parameter(0.02, "Depth of the notch.", "m", POSITIVE)
     spacing: float = parameter(0.001, "Spacing of the particles.", "m", POSITIVE)
     per_element: int = parameter(5, "Particles along the edge of an element.", "", POSITIVE, limits=(1, 50))
+    lattice: str = parameter("cubic", "Lattice of the particles.", choices=LATTICES)
     young_modulus: float = parameter(12.5e9, "Young's modulus E.", "Pa", POSITIVE)
     poisson_ratio: float = parameter(0.3, "Poisson's ratio.", "-", NOT_NEGATIVE, limits=(0, 0.45))
     density: float = parameter(2650.0, "Density.", "kg/m3", POSITIVE)
@@ -46,7 +49,9 @@ class Parameters:
     def __post_init__(self) -> None:
         check(self)
         edge = self.per_element * self.spacing
-        for name in ("width", "height", "thickness"):
+        if self.lattice == "hexagonal" and self.poisson_ratio > 1.0 / 3.0:
+            raise ValueError(f"poisson_ratio={self.poisson_ratio:g} must be at most 1/3 in the hexagonal lattice (plane stress); take cubic")
+        for name in ("width", "height", "thickness") if self.lattice == "cubic" else ("width",):
             share = getattr(self, name) / edge
             if abs(share - round(share)) > 1e-6 or round(share) < 1:
                 raise ValueError(f"{name}={getattr(self, name):g} must be a multiple of an element's edge, {edge:g} m")
@@ -57,30 +62,59 @@ class Parameters:
             raise ValueError(f"notch={self.notch:g} must be less than {self.width - 2 * edge:g} m, two elements from the other side")
 
     @property
+    def edges(self) -> tuple[float, float]:
+        """Width and height of an element, m."""
+        edge = self.per_element * self.spacing
+        row = math.sqrt(3.0) * self.spacing  # two rows of the hexagonal lattice
+        return edge, edge if self.lattice == "cubic" else max(1, round(edge / row)) * row
+
+    @property
+    def tall(self) -> float:
+        """Height of the specimen, whole elements, m."""
+        edge = self.edges[1]
+        return max(1, round(self.height / edge)) * edge
+
+    @property
     def middle(self) -> float:
         """Height (m) of the middle of the notch, a row of elements next to the middle of the specimen."""
-        edge = self.per_element * self.spacing
-        return (round(0.5 * self.height / edge - 0.25) + 0.5) * edge
+        edge = self.edges[1]
+        return (round(0.5 * self.tall / edge - 0.25) + 0.5) * edge
+
+    @property
+    def deep(self) -> float:
+        """Thickness (m) for which forces of a sheet count; 1 in space."""
+        return self.thickness if self.lattice == "hexagonal" else 1.0
+
+
+def sites(p: Parameters) -> Any:
+    """Places of the particles (n, axes), m."""
+    import numpy as np
+
+    from meshes import Box, packings
+
+    d, high = p.spacing, p.edges[1]
+    if p.lattice == "cubic":
+        inside = packings.simple_cubic(Box((0, 0, 0), (p.width, p.height, p.thickness)), 0.5 * d)
+    else:
+        rise = math.sqrt(0.75) * d
+        i, j = (ticks.ravel() for ticks in np.meshgrid(np.arange(round(p.width / d)), np.arange(round(p.tall / rise))))
+        inside = np.column_stack(((i + 0.25 + 0.5 * (j % 2)) * d, (j + 0.5) * rise))
+    return inside[~((inside[:, 0] < p.notch) & (np.abs(inside[:, 1] - p.middle) < 0.5 * high))]
 
 
 def make(p: Parameters, name: str) -> Any:
     """One of the models."""
     from bridge.manifold import Manifold, ultimate_strain
-    from meshes import Box, packings
     from particles.lattice import Lattice, LatticeMaterial
     from studies.lattice.common import Body
 
-    d, edge, middle = p.spacing, p.per_element * p.spacing, p.middle
+    d, (edge, high), tall = p.spacing, p.edges, p.tall
     material = LatticeMaterial(p.young_modulus, p.poisson_ratio, p.density, normal_limit=p.ultimate_deformation)
-    plate = Box((0, 0, 0), (p.width, p.height, p.thickness))
-    cut = Box((-edge, middle - 0.5 * edge, -edge), (p.notch, middle + 0.5 * edge, p.thickness + edge))
-    inside = packings.simple_cubic(plate, 0.5 * d)
-    body = Lattice(inside[~cut.contains(inside)], d, material, local_damping=p.damping)
+    body = Lattice(sites(p), d, material, plane="stress", local_damping=p.damping)
     model: Any = body
     if name == "release":
-        near = Box((-edge, middle - 3.1 * edge, -edge), (p.notch + 3.1 * edge, middle + 3.1 * edge, p.thickness + edge))
         model = Manifold(
-            body, p.per_element, manifold=near, faces=p.faces, release=ultimate_strain(p.ultimate_strain, p.reduction),
+            body, p.per_element, manifold=lambda x: (x[:, 0] < p.notch + 3.1 * edge) & (abs(x[:, 1] - p.middle) < 3.1 * high), faces=p.faces, release=ultimate_strain(p.ultimate_strain, p.reduction),
             strain_at=p.strain_at, margin=p.margin,
         )  # fmt: skip
     ramp = 4.0 * p.height / material.wave_speed  # the speed comes smoothly, so that no wave runs ahead
@@ -89,12 +123,12 @@ def make(p: Parameters, name: str) -> Any:
         return x[:, 1] < 0.75 * d
 
     model.hold(lower, "xyz")
-    model.hold(lambda x: x[:, 1] > p.height - 0.75 * d, "xz")
+    model.hold(lambda x: x[:, 1] > tall - 0.75 * d, "xz")
     model.hold(
-        lambda x: x[:, 1] > p.height - 0.75 * d, "y",
+        lambda x: x[:, 1] > tall - 0.75 * d, "y",
         lambda t: p.speed * (math.sin(0.5 * math.pi * t / ramp) ** 2 if t < ramp else 1.0),
     )  # fmt: skip
-    upper = body.rows(lambda x: x[:, 1] > p.height - 0.75 * d)
+    upper = body.rows(lambda x: x[:, 1] > tall - 0.75 * d)
 
     def follow() -> dict[str, float]:
         if isinstance(model, Manifold):
@@ -104,7 +138,7 @@ def make(p: Parameters, name: str) -> Any:
         broken = body.broken() > 0
         reach = body.reference[broken, 0].max() if broken.any() else p.notch
         return {
-            "displacement_m": float(wrapped.motion(upper)[0][:, 1].mean()), "load_N": float(load), "released_1": float(released),
+            "displacement_m": float(wrapped.motion(upper)[0][:, 1].mean()), "load_N": float(load * p.deep), "released_1": float(released),
             "crack_tip_m": float(reach),
         }  # fmt: skip
 

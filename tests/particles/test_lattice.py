@@ -334,6 +334,28 @@ def test_a_plane_wave_travels_at_the_speed_of_compression_waves():
     assert travelled / (lattice.time - 0.5 * period) == pytest.approx(ROCK.wave_speed, rel=0.005)
 
 
+@pytest.mark.parametrize("sound", [True, False])
+def test_bonds_of_the_plane_fail_at_their_limits_wherever_they_are(sound):
+    """Random displacements in a sheet that repeats, against the closed form of each bond: stretch and shear, those just above."""
+    rng = np.random.default_rng(8)
+    moved = 1e-4 * rng.standard_normal((16, 2))
+    free = cell(2)
+    free.displacement = moved
+    near, strain = free._state.near, free.strain()
+    arm = free._terms.vectors[::2, :2]
+    tensor = strain[:, [[0, 5], [5, 1]]]
+    mean = 0.5 * (tensor[:, None] + tensor[near[:, ::2]])
+    stretch = np.einsum("nka,ka->nk", moved[near[:, ::2]] - moved[:, None], arm)
+    shear = np.einsum("nkab,kb->nka", mean, arm)
+    shear = np.linalg.norm(shear - np.einsum("nka,ka,kb->nkb", shear, arm, arm), axis=-1)
+    for limits in ((stretch.max(), 1.0), (1.0, shear.max())):
+        factor = 1.0 + 1e-6 if sound else 1.0 - 1e-6
+        brittle = cell(2, LatticeMaterial(12.5e9, 0.2, 2650.0, *(factor * limit for limit in limits)))
+        brittle.displacement = moved
+        brittle.prepare()
+        assert brittle.energies()["broken_bonds"] >= (not sound) and (brittle.broken().sum() == 0) == sound
+
+
 @pytest.mark.parametrize("periodic, rows, lacking", [("x", 6, 2 * 2 * 4), ("y", 6, 2 * 6 + 2 * 6), ("xy", 6, 0), ("xy", 4, 0)])
 def test_upright_sheets_of_the_hexagonal_lattice_repeat(periodic, rows, lacking):
     """Rows one after the other shifted by half a spacing: neighbours across the ends are each other's, none is left out."""

@@ -104,6 +104,15 @@ def test_rock_that_fails_everywhere_breaks_as_that_of_particles_alone(tmp_path):
     assert abs(value(summary, "difference_of_broken_bonds_1")) < 0.1
 
 
+def test_elements_are_full_in_the_notched_sheet_but_for_the_notch():
+    p = notch.Parameters(width=0.04, height=0.06, notch=0.01, lattice="hexagonal")
+    body = notch.make(p, "release")
+    assert body.model.grid.full().all() and body.lattice.count * 0.5 * np.sqrt(3.0) * p.spacing**2 == pytest.approx(
+        p.width * p.tall - p.notch * p.edges[1], rel=1e-12
+    )
+    assert abs(p.tall - p.height) <= 0.5 * p.edges[1]
+
+
 @pytest.mark.parametrize(
     "study, options, words",
     [
@@ -112,6 +121,7 @@ def test_rock_that_fails_everywhere_breaks_as_that_of_particles_alone(tmp_path):
         (wave, {"length": 0.0021}, "length=0.0021"),
         (plate, {"zone": 9.0}, "zone=9"),
         (notch, {"notch": 0.0123}, "notch=0.0123"),
+        (notch, {"lattice": "hexagonal", "poisson_ratio": 0.34}, "poisson_ratio=0.34 must be at most 1/3"),
         (notch, {"models": "all"}, "models=all must be one of both"),
         (cavern, {"rise": 1.0}, "rise=1"),
         (cavern, {"above": 99.0}, "above=99"),
