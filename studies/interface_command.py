@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
-from studies.foundation_command import unstable
 from studies.interface import TITLE, Parameters
-from studies.options import brief, click_options, no_figures_option, one_rank, output_option, quiet_option
+from studies.leading import led, shown
+from studies.options import brief, click_options, no_figures_option, output_option, quiet_option
 
 HELP = f"""{TITLE}.
 
@@ -30,21 +30,18 @@ def command(output: str, samples: int, no_map: bool, no_figures: bool, quiet: bo
     if not 1 <= samples <= 1_000_000:
         raise ValueError(f"samples={brief(samples)} must be between 1 and 1000000")
     p = Parameters(**values)
-    one_rank("interface")
 
     from bridge.output import check_folder
 
     folder = check_folder(output)
 
-    from studies.interface_run import carry_out
+    def script() -> str:
+        from studies.interface_run import carry_out
 
-    summary = carry_out(p, folder, samples=samples, map_too=not no_map, figures=not no_figures, progress=not quiet)
-    if not summary["stable"]:
-        return unstable(summary["message"])
-    if not quiet:
-        click.echo(report(summary))
-        click.echo(f"results in {folder}")
-    return 0
+        summary = carry_out(p, folder, samples=samples, map_too=not no_map, figures=not no_figures, progress=not quiet)
+        return shown(summary, report, folder, quiet)
+
+    return led(script)
 
 
 def report(summary: dict[str, Any]) -> str:

@@ -6,16 +6,17 @@ import csv
 import io
 import math
 import sys
-from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
-from studies.interface import PUBLISHED_TRANSIT, Parameters
+from particles.crew import Placed, alone, ranks
+from studies.interface import PUBLISHED_TRANSIT, Parameters, Setting
 from studies.interface_model import Passage, Strip, passage
 
 FIGURES = ("profiles.png", "passage.png", "map.png", "map_wavelength.png", "map_element.png", "map_penalty.png")
@@ -58,7 +59,7 @@ def carry_out(
     watch = Stopwatch()
     with watch.phase("setup"):
         strip = Strip(p, p.shown)
-    folder = output.prepare_folder(folder)
+    folder = output.prepare_folder(folder, MPI.COMM_SELF)
     output.clear(folder, FILES)
     history = output.HistoryFile(folder / "history.csv")
     transit = p.length / p.wave_speed
@@ -73,7 +74,7 @@ def carry_out(
     output.write_text(folder / "profiles.csv", profiles_as_csv(profiles))
     with watch.phase("stepping"):
         shown = passage(p, p.shown)
-        passages = [passage(p, setting) for setting in _shown(p.settings(), progress)] if map_too else []
+        passages = Placed(Passages, p).ask("of", p.settings(), progress) if map_too else []
     advice = advise(p, passages)
     if passages:
         output.write_text(folder / "map.csv", map_as_csv(passages))
@@ -90,13 +91,32 @@ def carry_out(
     return summary
 
 
-def _shown(settings: list, progress: bool) -> Iterable:
-    """The settings, with a bar on terminals."""
-    if not progress or not sys.stderr.isatty():
-        return settings
-    from tqdm import tqdm
+class Passages:
+    """The runs of a map, each on one rank, which takes them in turn.
 
-    return tqdm(settings, desc="map", leave=False)
+    Args:
+        comm: the ranks.
+        p: parameters.
+    """
+
+    def __init__(self, comm: Any, p: Parameters) -> None:
+        self._comm, self._p = comm, p
+
+    def of(self, settings: list[Setting], progress: bool) -> list[Passage]:
+        """The passages of all settings, on every rank (collective); with a bar on terminals."""
+        comm, settings = self._comm, list(settings)
+        mine: Any = settings[comm.rank :: comm.size]
+        if progress and comm.rank == 0 and sys.stderr.isatty():
+            from tqdm import tqdm
+
+            mine = tqdm(mine, desc="map", leave=False)
+        with alone():
+            found = [passage(self._p, setting) for setting in mine]
+        parts = comm.allgather(found)
+        return [parts[k % comm.size][k // comm.size] for k in range(len(settings))]
+
+    def release(self) -> None:
+        """Nothing is held."""
 
 
 def advise(p: Parameters, passages: list[Passage]) -> list[Advice]:
@@ -208,7 +228,7 @@ def summarise(
         }  # fmt: skip
     return {
         "study": "interface", "method": p.coupling, "seed": None, "parameters": asdict(p), "versions": output.versions(),
-        "ranks": 1, "threads": 1,
+        "ranks": ranks(), "threads": 1,
         "counts": {
             "particles": strip.soil.count, "tied": strip.tied, "elements": len(strip.body.cell_nodes),
             "coarse_steps": outcome.steps, "fine_steps": outcome.steps * p.substeps, "settings": len(passages),
