@@ -6,10 +6,11 @@ are placed under a number, and asked to do something by the name of a method. On
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import count
 from typing import Any, TypeVar
 
@@ -116,6 +117,17 @@ _crew: Crew | None = None
 def crew() -> Crew | None:
     """The ranks that follow the script which runs here; None on one rank and on those that follow."""
     return _crew
+
+
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """Inside, a rank works by itself: no others follow."""
+    global _crew
+    following, _crew = _crew, None
+    try:
+        yield
+    finally:
+        _crew = following
 
 
 def ranks() -> int:

@@ -67,7 +67,7 @@ class Laboratory:
             values: list[float] = []
             for kind in self.target.tests:
                 found = self._once(partial(self._test, kind, micro, seed))
-                radius, broken, *results = found.tolist()
+                radius, broken, *results = map(float, found)
                 if not broken:
                     warnings.warn(f"packing {seed} of {kind.study} did not break with k_t / k_n = {micro.stiffness_ratio:.3g}", stacklevel=2)
                 values += results

@@ -13,7 +13,6 @@ from studies.options import (
     checkpoint_option,
     click_options,
     no_figures_option,
-    one_rank,
     output_option,
     quiet_option,
     resume_option,
@@ -45,7 +44,6 @@ def command(
     if not 1 <= samples <= 1_000_000:
         raise ValueError(f"samples={brief(samples)} must be between 1 and 1000000")
     parameters = Parameters(**values)
-    one_rank("interface")
     folder, start = started(context, output, resume, "interface", Parameters)
     options = {"samples": samples, "map_too": not no_map, "figures": not no_figures}
     p, options = (parameters, options) if start is None else (start.parameters, start.options)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import BridgingScale, Overlap, OverlapZone, nested_layout
 from continuum import Body, Cauchy, Cosserat
@@ -45,7 +46,7 @@ class Strip:
         """Cells from a place x (m) to the end."""
         p = self.parameters
         counts = [max(1, round(size / self.setting.element)) for size in (p.length - start, p.strip_width)]
-        return domains.rectangle((start, 0.0), (p.length, p.strip_width), counts, p.cell)
+        return domains.rectangle((start, 0.0), (p.length, p.strip_width), counts, p.cell, comm=MPI.COMM_SELF)
 
     def _overlapping(self) -> Callable[[float, int], Any]:
         """Make both sides with an overlap zone; returns what couples them with a step (s) and substeps."""

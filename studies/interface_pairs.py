@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge.manifold import Manifold
 from continuum import Body, Cauchy
@@ -25,7 +26,7 @@ class Cells:
         fine, coarse = 2.0 * p.radius, 2.0 * p.radius if alone else setting.element
         counts = round(p.inner / fine), max(1, round((p.length - p.inner) / coarse))
         rows = max(1, round(p.width / setting.element))
-        domain = domains.rectangle((0.0, 0.0), (p.length, p.width), (sum(counts), rows), p.cell)
+        domain = domains.rectangle((0.0, 0.0), (p.length, p.width), (sum(counts), rows), p.cell, comm=MPI.COMM_SELF)
         x = domain.mesh.geometry.x
         places = np.concatenate(
             [np.linspace(0.0, p.inner, counts[0] + 1), np.linspace(p.inner, p.length, counts[1] + 1)[1:]]

@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from bridge import output
 from bridge.run import Outcome, Stopwatch, run
+from particles.crew import Placed, alone, ranks
 from studies.interface import PUBLISHED_TRANSIT, Parameters, Setting
 from studies.interface_model import Passage, Strip, passage
 from studies.resuming import Results, Start
@@ -63,7 +65,7 @@ def carry_out(
     watch = Stopwatch()
     with watch.phase("setup"):
         strip = Strip(p, p.shown)
-    folder = output.prepare_folder(folder)
+    folder = output.prepare_folder(folder, MPI.COMM_SELF)
     output.clear(folder, FILES)
     options = {"samples": samples, "map_too": map_too, "figures": figures}
     kept = Results("interface", p, options, folder, watch, checkpoint_every, start)
@@ -78,13 +80,16 @@ def carry_out(
             progress=progress, watcher=kept.keeper,
         )  # fmt: skip
         output.write_text(folder / "profiles.csv", profiles_as_csv(profiles))
+        runs = Placed(Passages, p)
 
-        def passed(setting: Setting) -> Passage:
+        def passed(settings: list[Setting]) -> list[Passage]:
             with watch.phase("stepping"):
-                return Passage(setting, *kept.once(lambda: np.array(passage(p, setting)[1:])).tolist())
+                found = kept.some(settings, lambda left: [np.array(one[1:]) for one in runs.ask("of", left)])
+            return [Passage(setting, *values.tolist()) for setting, values in zip(settings, found)]
 
-        shown = passed(p.shown)
-        passages = [passed(setting) for setting in _shown(p.settings(), progress)] if map_too else []
+        (shown,) = passed([p.shown])
+        settings = list(p.settings()) if map_too else []
+        passages = [one for k in _shown(range(0, len(settings), ranks()), progress) for one in passed(settings[k : k + ranks()])]
     advice = advise(p, passages)
     if passages:
         output.write_text(folder / "map.csv", map_as_csv(passages))
@@ -103,13 +108,36 @@ def carry_out(
     return summary
 
 
-def _shown(settings: list, progress: bool) -> Iterable:
-    """The settings, with a bar on terminals."""
+class Passages:
+    """The runs of a map, each on one rank, which takes them in turn.
+
+    Args:
+        comm: the ranks.
+        p: parameters.
+    """
+
+    def __init__(self, comm: Any, p: Parameters) -> None:
+        self._comm, self._p = comm, p
+
+    def of(self, settings: list[Setting]) -> list[Passage]:
+        """The passages of all settings, on every rank (collective)."""
+        comm = self._comm
+        with alone():
+            found = [passage(self._p, setting) for setting in settings[comm.rank :: comm.size]]
+        parts = comm.allgather(found)
+        return [parts[k % comm.size][k // comm.size] for k in range(len(settings))]
+
+    def release(self) -> None:
+        """Nothing is held."""
+
+
+def _shown(parts: range, progress: bool) -> Iterable[int]:
+    """The parts, with a bar on terminals."""
     if not progress or not sys.stderr.isatty():
-        return settings
+        return parts
     from tqdm import tqdm
 
-    return tqdm(settings, desc="map", leave=False)
+    return tqdm(parts, desc="map", leave=False)
 
 
 def advise(p: Parameters, passages: list[Passage]) -> list[Advice]:
@@ -221,7 +249,7 @@ def summarise(
         }  # fmt: skip
     return {
         "study": "interface", "method": p.coupling, "seed": None, "parameters": asdict(p), "versions": output.versions(),
-        "ranks": 1, "threads": 1,
+        "ranks": ranks(), "threads": 1,
         "counts": {
             "particles": strip.soil.count, "tied": strip.tied, "elements": len(strip.body.cell_nodes),
             "coarse_steps": outcome.steps, "fine_steps": outcome.steps * p.substeps, "settings": len(passages),

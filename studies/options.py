@@ -188,15 +188,3 @@ def check_cores() -> None:
             f"threads={threads} (OMP_NUM_THREADS or NUMBA_NUM_THREADS) on each of {ranks} ranks make {ranks * threads}, above "
             f"the {cores} cores here: take one thread a rank, or fewer ranks"
         )
-
-
-def one_rank(study: str) -> None:
-    """Refuse several MPI ranks for a study that runs on one.
-
-    Raises:
-        ValueError: there are several.
-    """
-    from mpi4py import MPI
-
-    if MPI.COMM_WORLD.size > 1:
-        raise ValueError(f"ranks={MPI.COMM_WORLD.size} must be 1: {study} runs on one core, start it without mpirun")

@@ -264,12 +264,16 @@ class Results:
 
     def once(self, find: Callable[[], np.ndarray]) -> np.ndarray:
         """Numbers that the next part finds, or found before; after it a checkpoint is written when it is time to."""
-        if len(self._done) < len(self._known):
-            self._done.append(self._known[len(self._done)])
-        else:
-            self._done.append(find())
+        return self.some([None], lambda left: [find()])[0]
+
+    def some(self, parts: list[Any], find: Callable[[list[Any]], list[np.ndarray]]) -> list[np.ndarray]:
+        """Numbers of the next parts: those that were found before, the others found together."""
+        known = self._known[len(self._done) : len(self._done) + len(parts)]
+        self._done += known
+        if len(known) < len(parts):
+            self._done += find(parts[len(known) :])
             self.keeper.look()
-        return self._done[-1]
+        return self._done[-len(parts) :]
 
     def finished(self) -> None:
         """The study has left all its results: nothing is to be resumed."""

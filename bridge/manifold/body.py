@@ -110,7 +110,7 @@ class Manifold:
             np.zeros(5, dtype=np.int64), np.zeros(SUMS),
         )  # fmt: skip
         self.time, self.released, self.release_log = 0.0, 0, [(0.0, 0)]
-        self.first_released = np.empty(0, dtype=np.int64)  # elements of the first release
+        self.first_released: np.ndarray = np.empty(0, dtype=np.int64)  # elements of the first release
         self._lost = dict.fromkeys(LOST, 0.0)
         self.node_mass = np.zeros(n)
         whole = np.flatnonzero(self.kind != PARTICLES)

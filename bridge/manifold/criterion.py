@@ -89,4 +89,5 @@ class Probe:
     def meets(self, criterion: Criterion, nodes: steps.Nodes, elements: steps.Elements, chosen: np.ndarray) -> np.ndarray:
         """Which (chosen,) of some elements meet a criterion at one of their points."""
         strain = self.strains(nodes, elements, chosen)
-        return np.asarray(criterion(strain.reshape(-1, 6)), dtype=bool).reshape(strain.shape[:2]).any(axis=0)
+        met: np.ndarray = np.asarray(criterion(strain.reshape(-1, 6)), dtype=bool).reshape(strain.shape[:2])
+        return np.any(met, axis=0)

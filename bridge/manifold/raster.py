@@ -32,7 +32,7 @@ class Raster:
         self.axes, d = lattice.axes, lattice.spacing
         if self.axes == 3:
             self.places, self.steps, self.dense = lattice.places, directions(3), 1
-            self.pitch = np.full(3, d)
+            self.pitch: np.ndarray = np.full(3, d)
             return
         self.places, self.steps, self.dense = _upright(lattice.places), _upright(directions(2)), 2
         self.places = self.places - self.places.min(axis=0)

@@ -163,7 +163,7 @@ class Recoarsener:
         if criterion is None or not sites.size:
             return np.ones(len(sites), dtype=bool)
         met = np.asarray(criterion(strain[:, sites.ravel()].T / self.rule.share), dtype=bool)
-        return ~met.reshape(sites.shape).any(axis=1)
+        return ~np.any(met.reshape(sites.shape), axis=1)
 
     def take_back(self, elements: np.ndarray) -> np.ndarray:
         """Make manifold elements of those left to particles that carry their particles well enough, their neighbours considered.

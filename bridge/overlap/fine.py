@@ -110,8 +110,13 @@ class ZoneParticles(ParticleSide):
             self.load, self._origin, self.stiffness, self.force,
         )  # fmt: skip
 
+    def prepare(self, steps: int) -> None:
+        """Make ready for that many fine steps (collective where the particles are spread)."""
+        if self.soil.count:
+            self._prepare(steps)
+
     def run(self, displacement: Array, velocity: Array, force: Array, slope: Array, steps: int) -> Array:
-        """Fine steps of particles and nodes of the zone within a coarse step.
+        """Fine steps of particles and nodes of the zone within a coarse step; `prepare` was called for them.
 
         Args:
             displacement, velocity: Of the nodes (w, c) at the start.
@@ -125,7 +130,6 @@ class ZoneParticles(ParticleSide):
         nodes = self.nodes
         if not self.soil.count:
             return np.zeros((len(velocity), 3 * velocity.shape[1]))
-        self._prepare(steps)
         nodes.base[:], nodes.velocity[:] = displacement.ravel(), velocity.ravel()
         nodes.start[:], nodes.slope[:] = force.ravel(), slope.ravel()
         kernel = _run_tied if self.eliminated else _run_penalised

@@ -9,6 +9,8 @@ from bridge.subcycling import Mesh, finish, move_others
 
 Array = NDArray[np.float64]
 
+PREPARED = 256  # coarse steps that the particles are made ready for at a time
+
 
 class OverlapRule:
     """Masses, forces and energy sums of the continuum's side, and its step."""
@@ -82,7 +84,9 @@ class OverlapRule:
     def run(self, steps: int) -> None:
         """Take coarse steps (collective)."""
         self.receive()
-        for _ in range(steps):
+        for k in range(steps):
+            if k % PREPARED == 0:
+                self.fine.prepare(min(PREPARED, steps - k) * self.coupled.substeps)
             self._advance()
             self.coupled.count(1)
         self._send()
@@ -90,11 +94,16 @@ class OverlapRule:
     def advance(self) -> None:
         """Take one coarse step without counting it (collective)."""
         self.receive()
+        self.fine.prepare(self.coupled.substeps)
         self._advance()
         self._send()
 
+    def _gather(self, *nodal: Array) -> list[Array]:
+        """Copies of rows that this rank needs of arrays (owned nodes, c), in one message (collective)."""
+        return np.hsplit(self.exchange.gather(np.hstack(nodal)), len(nodal))
+
     def _advance(self) -> None:
-        mesh, arrays, gather, on, step = self.mesh, self._arrays, self.exchange.gather, self._on, self.step
+        mesh, arrays, on, step = self.mesh, self._arrays, self._on, self.step
         fixed, time = mesh.fixed, self.coupled.time
         if self.moves_prescribed:
             end = mesh.prescribed_velocity(time + step)[fixed]
@@ -102,8 +111,8 @@ class OverlapRule:
         before = self.force.copy() if self.damping else self.force
         move_others(arrays, self.damping, step)
         slope = mesh.internal_force(self._increment) / -step
-        start = gather(self.force)
-        found = self.fine.run(gather(mesh.displacement), gather(mesh.velocity), start, gather(slope), self.coupled.substeps)
+        displacement, velocity, start, slope = self._gather(mesh.displacement, mesh.velocity, self.force, slope)
+        found = self.fine.run(displacement, velocity, start, slope, self.coupled.substeps)
         nodal = np.zeros((len(self._mass), 3 * mesh.width))
         self.exchange.scatter(found, nodal)
         moved, faster, acceleration = np.hsplit(nodal[on], 3)
@@ -116,7 +125,8 @@ class OverlapRule:
             self._lost[0] += 0.25 * step * self.damping * np.vdot(change, self._increment)
         missing = self.fine.missing(step)
         kick = self.fine.solve(missing)
-        uncounted = self._uncounted(found, missing, kick, start + gather(self.force), gather(mesh.velocity))
+        end_force, velocity = self._gather(self.force, mesh.velocity)
+        uncounted = self._uncounted(found, missing, kick, start + end_force, velocity)
         self._interface += uncounted if self.fine.leads else 0.0
         self.fine.kick(kick)
         faster = np.zeros_like(self._mass)

@@ -63,7 +63,7 @@ class Part:
         self._meet(np.flatnonzero(self.needed & self._others))
         self.seconds = dict.fromkeys(SECONDS, 0.0)
         self._drive: tuple[Drive, Drive] | None = None
-        self._broken = [np.empty((0, 2), dtype=np.int64)]
+        self._broken: list[np.ndarray] = [np.empty((0, 2), dtype=np.int64)]
 
     def release(self) -> None:
         """Give the messages back."""
