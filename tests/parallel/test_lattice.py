@@ -37,8 +37,8 @@ def layer(**options):
 
 
 def plane(**options):
-    """The hexagonal lattice under a traction, with strains that turn with the body."""
-    body = Lattice(packings.hexagonal(Box((0, 0), (0.03, 0.02)), D / 2), D, ROCK, corotational=True, **options)
+    """The hexagonal lattice under a traction."""
+    body = Lattice(packings.hexagonal(Box((0, 0), (0.03, 0.02)), D / 2), D, ROCK, **options)
     body.hold(lambda x: x[:, 0] < D, "xy")
     body.traction(lambda x: x[:, 0] > 0.0285, (3e6, 1e6))
     return body
