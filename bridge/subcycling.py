@@ -15,9 +15,9 @@ import numpy as np
 from numba import njit
 
 from bridge.blocks import row_times
-from bridge.substeps import carry_ghosts, ghosts_feel, linear_forces, still_ghosts, take_link
+from bridge.substeps import carry_ghosts, forces, ghosts_feel, list_used_up, still_ghosts, take_link
 from particles.block_motion import ONWARD, TO_END
-from particles.motion import done_with, drift, evaluate_with, kick_on
+from particles.motion import drift, kick_on
 from particles.ranks import exchange_values, highest, sum_together
 from particles.system import INNER, STEPS
 
@@ -280,12 +280,9 @@ def run_coarse(
             drift(system, terms, h)
             carry_ghosts(system, ghosts, nodes, h)
         for j in range(max(first, 0), steps):
-            if linear is None:
-                if done_with(system, halo):
-                    return j
-                evaluate_with(system, terms, h, border, halo)
-            else:
-                linear_forces(system.position, system.force, linear)
+            if list_used_up(system, linear, halo):
+                return j
+            forces(system, terms, linear, h, border, halo)
             take_link(system, ghosts, nodes.link)
             sum_together(halo, nodes.link)
             last = j == steps - 1

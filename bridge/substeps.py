@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from particles.motion import drift, evaluate, kick, kick_drift, moved, stale
+from particles.motion import done_with, drift, evaluate_with, kick, kick_drift, moved
 from particles.system import INNER, MERGED, OUTER, STEPS
 
 
@@ -59,17 +59,19 @@ def linear_forces(position, force, linear):
 
 
 @njit(**MERGED)
-def forces(system, terms, linear, h):
+def forces(system, terms, linear, h, border, halo):
+    """Forces at the places of now, contacts with particles of other ranks included (`border`, `halo`; None on one rank)."""
     if linear is None:
-        evaluate(system, terms, h)
+        evaluate_with(system, terms, h, border, halo)
     else:
         linear_forces(system.position, system.force, linear)
 
 
 @njit(**MERGED)
-def list_used_up(system, linear):
+def list_used_up(system, linear, halo):
+    """Whether any rank needs a new list before `forces`."""
     if linear is None:
-        return stale(system)
+        return done_with(system, halo)
     return False
 
 
@@ -240,9 +242,9 @@ def run_prescribed(
     if first < 0:
         _drift_massless(system, terms, ghosts, saved, acceleration, h)
     for j in range(max(first, 0), steps):
-        if j == pause or list_used_up(system, linear):
+        if j == pause or list_used_up(system, linear, None):
             return j
-        forces(system, terms, linear, h)
+        forces(system, terms, linear, h, None, None)
         _save(system, ghosts, saved)
         _react(system, ghosts, saved, reaction, h, work)
         last = j == steps - 1
@@ -272,9 +274,9 @@ def run_slaved(
                 nodal[1, i, component] += 0.5 * h * nodal[2, i, component]
                 nodal[0, i, component] += h * nodal[1, i, component]
     for j in range(max(first, 0), steps):
-        if list_used_up(system, linear):
+        if list_used_up(system, linear, None):
             return j
-        forces(system, terms, linear, h)
+        forces(system, terms, linear, h, None, None)
         _save(system, ghosts, saved)
         _react(system, ghosts, saved, reaction, h, work)
         _nodal_sum(ghosts, reaction, sums)
@@ -314,9 +316,9 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, fir
         drift(system, terms, h)
         _shift_ghosts(system, ghosts, shift, h)
     for j in range(max(first, 0), steps):
-        if list_used_up(system, linear):
+        if list_used_up(system, linear, None):
             return j
-        forces(system, terms, linear, h)
+        forces(system, terms, linear, h, None, None)
         part = (j + 1.0) / steps
         nodal[:] = (1.0 - part) * start + part * end
         _at_ghosts(ghosts, nodal, residual)

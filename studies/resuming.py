@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, Self, get_args, get_type_hints
 
 import numpy as np
 from mpi4py import MPI
@@ -144,8 +144,8 @@ def read_checkpoint(
     return Start(kind(**about["parameters"]), about["options"], path, whole[0] if whole else state)
 
 
-class Runs:
-    """The runs of a study on the rank that leads; between steps of one its checkpoint is written when it is time to.
+class _Parts:
+    """Parts of a study on the rank that leads, whose checkpoint is written when it is time to.
 
     Args:
         study: its name.
@@ -161,26 +161,42 @@ class Runs:
         self, study: str, p: Any, options: dict[str, Any], folder: Path, watch: Stopwatch, every: float = 0.0,
         start: Start | None = None,
     ) -> None:  # fmt: skip
-        self._start, self._watch = start, watch
-        self._path = folder / checkpoint.NAME
-        self._ended: State = {}
-        self._take: Callable[[], State] = dict
-        about = describe(study, p, options, MPI.COMM_SELF)
-        self._keeper = checkpoint.Keeper(self._state, self._path, about, every, MPI.COMM_SELF)
+        self._start, self._watch, self._path = start, watch, folder / checkpoint.NAME
+        self.keeper = checkpoint.Keeper(self._state, self._path, describe(study, p, options, MPI.COMM_SELF), every, MPI.COMM_SELF)
         if start is None:
             checkpoint.remove(self._path)
         else:
             restore_watch(watch, start.state)
 
-    def __enter__(self) -> Runs:
-        self._keeper.__enter__()
+    def __enter__(self) -> Self:
+        self.keeper.__enter__()
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._keeper.__exit__(*exception)
+        self.keeper.__exit__(*exception)
 
     def _state(self) -> State:
-        return {"runs": self._ended | self._take()} | watch_state(self._watch)
+        return self._parts() | watch_state(self._watch)
+
+    def _parts(self) -> State:
+        """What has been done so far."""
+        raise NotImplementedError
+
+    def finished(self) -> None:
+        """The study has left all its results: nothing is to be resumed."""
+        checkpoint.remove(self._path)
+
+
+class Runs(_Parts):
+    """The runs of a study, one after the other; a checkpoint may come between any two steps."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        self._ended: State = {}
+        self._take: Callable[[], State] = dict
+        super().__init__(*arguments, **options)
+
+    def _parts(self) -> State:
+        return {"runs": self._ended | self._take()}
 
     def begun(self, name: str) -> State | None:
         """State of the model of a run that was begun before, to make the model by; None for one that was not."""
@@ -221,46 +237,29 @@ class Runs:
             take_at = np.unique(np.round(marks(model.steps)).astype(int)).tolist()
             outcome = run(
                 model, model.steps, frames=take_at, on_sample=on_sample, stopwatch=self._watch, outcome=outcome,
-                watcher=self._keeper, **options,
+                watcher=self.keeper, **options,
             )  # fmt: skip
         if outcome.stable:
             self._ended |= _copied(take(True))
         self._take = dict
         return outcome
 
-    def finished(self) -> None:
-        """The study has left all its results: nothing is to be resumed."""
-        checkpoint.remove(self._path)
 
+class Results(_Parts):
+    """Results of the parts of a study, one after the other; those that a checkpoint has are not sought again.
 
-class Results:
-    """Results of the parts of a study on the rank that leads, one after the other; those that a checkpoint has are not sought again.
-
-    For studies of many short runs: what is lost is a part that has not ended. Arguments as for `Runs`.
+    For studies of many short runs: what is lost is a part that has not ended.
     """
 
-    def __init__(
-        self, study: str, p: Any, options: dict[str, Any], folder: Path, watch: Stopwatch, every: float = 0.0,
-        start: Start | None = None,
-    ) -> None:  # fmt: skip
-        self._path, self._watch = folder / checkpoint.NAME, watch
-        self._known = [] if start is None else [values for _, values in sorted(start.state["done"].items())]
+    def __init__(self, *arguments: Any, **options: Any) -> None:
         self._done: list[np.ndarray] = []
-        self.keeper = checkpoint.Keeper(self._state, self._path, describe(study, p, options, MPI.COMM_SELF), every, MPI.COMM_SELF)
-        if start is None:
-            checkpoint.remove(self._path)
-        else:
-            restore_watch(watch, start.state)
+        self._known: list[np.ndarray] = []
+        super().__init__(*arguments, **options)
+        if self._start is not None:
+            self._known = [values for _, values in sorted(self._start.state["done"].items())]
 
-    def __enter__(self) -> Results:
-        self.keeper.__enter__()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.keeper.__exit__(*exception)
-
-    def _state(self) -> State:
-        return {"done": packed(self._done + self._known[len(self._done) :])} | watch_state(self._watch)
+    def _parts(self) -> State:
+        return {"done": packed(self._done + self._known[len(self._done) :])}
 
     def once(self, find: Callable[[], np.ndarray]) -> np.ndarray:
         """Numbers that the next part finds, or found before; after it a checkpoint is written when it is time to."""
@@ -274,10 +273,6 @@ class Results:
             self._done += find(parts[len(known) :])
             self.keeper.look()
         return self._done[-len(parts) :]
-
-    def finished(self) -> None:
-        """The study has left all its results: nothing is to be resumed."""
-        checkpoint.remove(self._path)
 
 
 def _copied(state: Any) -> Any:

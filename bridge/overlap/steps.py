@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 
 from bridge.overlap.nodes import kick_nodes, pull_nodes, start_nodes
-from bridge.substeps import linear_forces
+from bridge.substeps import forces, list_used_up
 from particles.block_motion import ONWARD, TO_END
-from particles.motion import done_with, drift, evaluate_with, kick_on, moved
+from particles.motion import drift, kick_on, moved
 from particles.ranks import sum_together
 from particles.system import INNER, STEPS
 
@@ -201,12 +201,9 @@ def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, borde
         drift(system, terms, h)
         _carry(system, tied, nodes, h)
     for j in range(max(first, 0), steps):
-        if linear is None:
-            if done_with(system, halo):
-                return j
-            evaluate_with(system, terms, h, border, halo)
-        else:
-            linear_forces(system.position, system.force, linear)
+        if list_used_up(system, linear, halo):
+            return j
+        forces(system, terms, linear, h, border, halo)
         _feel(system, tied, nodes.link)
         sum_together(halo, nodes.links)
         last = j == steps - 1
@@ -232,12 +229,9 @@ def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, 
         start_nodes(nodes, mass, damping, h)
         drift(system, terms, h)
     for j in range(max(first, 0), steps):
-        if linear is None:
-            if done_with(system, halo):
-                return j
-            evaluate_with(system, terms, h, border, halo)
-        else:
-            linear_forces(system.position, system.force, linear)
+        if list_used_up(system, linear, halo):
+            return j
+        forces(system, terms, linear, h, border, halo)
         _stretch(system, tied, nodes)
         sum_together(halo, nodes.links)
         last = j == steps - 1

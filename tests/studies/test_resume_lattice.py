@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from bridge import checkpoint
 from studies.lattice import command
-from tests.studies.test_resume import Stopped, stop_at
+from tests.studies.test_resume import Stopped, same_files, stop_at
 
 pytestmark = pytest.mark.filterwarnings("ignore:poisson_ratio")
 SMALL = "--width 0.04 --height 0.06 --notch 0.01 --spacing 0.0025 --per-element 2 --ultimate-deformation 1.25e-6 --speed 0.1".split()
@@ -38,11 +38,7 @@ def test_a_resumed_study_leaves_the_same_bits(tmp_path, monkeypatch, study):
         assert not begun["ended"] and begun["model"]["released"] > 0 and begun["history"]["broken_bonds_1"][-1] > 0
     made = CliRunner().invoke(getattr(command, f"{study}_command"), ["--resume", str(tmp_path / "parts"), "--quiet"], standalone_mode=False)
     assert made.exit_code == 0, made.exception
-    files = sorted(file.relative_to(tmp_path / "whole") for file in (tmp_path / "whole").rglob("*.*"))
-    assert files == sorted(file.relative_to(tmp_path / "parts") for file in (tmp_path / "parts").rglob("*.*"))
-    for file in files:
-        if file.name != "summary.json":  # it has seconds
-            assert (tmp_path / "whole" / file).read_bytes() == (tmp_path / "parts" / file).read_bytes(), file
+    same_files(tmp_path / "whole", tmp_path / "parts")
     one, two = (json.loads((tmp_path / name / "summary.json").read_text()) for name in ("whole", "parts"))
     for content in (one, two):
         content["results"] = {name: value for name, value in content["results"].items() if "seconds" not in name and "time_share" not in name}
