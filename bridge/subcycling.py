@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from bridge.blocks import row_times
-from bridge.substeps import carry_ghosts, forces, ghosts_feel, list_used_up, still_ghosts, take_link
+from bridge.substeps import carry_ghosts, end_forces, forces, ghosts_feel, list_used_up, still_ghosts, take_link
 from particles.block_motion import ONWARD, TO_END
 from particles.motion import drift, kick_on
 from particles.ranks import exchange_values, highest, sum_together
@@ -284,7 +284,7 @@ def run_coarse(
                 return j
             forces(system, terms, linear, h, border, halo)
             take_link(system, ghosts, nodes.link)
-            sum_together(halo, nodes.link)
+            end_forces(system, terms, linear, h, halo, nodes.link)
             last = j == steps - 1
             _pull_nodes(nodes, inner, (j + 1) * h, 0.5 * h if last else h)
             _kick_nodes(nodes, damping, h, last)

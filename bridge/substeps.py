@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from particles.motion import done_with, drift, evaluate_with, kick, kick_drift, moved
+from particles.motion import done_with, drift, evaluate_pairs, kick, kick_drift, moved
+from particles.ranks import sum_together
 from particles.system import INNER, MERGED, OUTER, STEPS
+from particles.walls.contact import end_wall_forces
 
 
 class Ghosts(NamedTuple):
@@ -60,11 +62,23 @@ def linear_forces(position, force, linear):
 
 @njit(**MERGED)
 def forces(system, terms, linear, h, border, halo):
-    """Forces at the places of now, contacts with particles of other ranks included (`border`, `halo`; None on one rank)."""
+    """Forces at the places of now, contacts with particles of other ranks included (`border`, `halo`; None on one rank).
+
+    `end_forces` must follow.
+    """
     if linear is None:
-        evaluate_with(system, terms, h, border, halo)
+        evaluate_pairs(system, terms, h, border, halo)
     else:
         linear_forces(system.position, system.force, linear)
+
+
+@njit(**MERGED)
+def end_forces(system, terms, linear, h, halo, values):
+    """Reactions on walls, and `values` (k, 3) or None: their sums over the ranks, in one message (collective)."""
+    if linear is None:
+        end_wall_forces(system, terms, h, halo, values)
+    elif values is not None:
+        sum_together(halo, values)
 
 
 @njit(**MERGED)
@@ -245,6 +259,7 @@ def run_prescribed(
         if j == pause or list_used_up(system, linear, None):
             return j
         forces(system, terms, linear, h, None, None)
+        end_forces(system, terms, linear, h, None, None)
         _save(system, ghosts, saved)
         _react(system, ghosts, saved, reaction, h, work)
         last = j == steps - 1
@@ -277,6 +292,7 @@ def run_slaved(
         if list_used_up(system, linear, None):
             return j
         forces(system, terms, linear, h, None, None)
+        end_forces(system, terms, linear, h, None, None)
         _save(system, ghosts, saved)
         _react(system, ghosts, saved, reaction, h, work)
         _nodal_sum(ghosts, reaction, sums)
@@ -319,6 +335,7 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, fir
         if list_used_up(system, linear, None):
             return j
         forces(system, terms, linear, h, None, None)
+        end_forces(system, terms, linear, h, None, None)
         part = (j + 1.0) / steps
         nodal[:] = (1.0 - part) * start + part * end
         _at_ghosts(ghosts, nodal, residual)

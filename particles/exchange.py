@@ -19,13 +19,14 @@ from mpi4py import MPI
 
 from particles import listing, stepping
 from particles.assembly import Assembly
-from particles.dispatch import compiled_seconds
+from particles.dispatch import Direct, compiled_seconds
 from particles.gathered import Gathered
 from particles.motion import FINISHED, Unstable
 from particles.owners import LIMIT, PAIR, Owners
 from particles.parts import all_pairs, loaded, unload
+from particles.ranks import renew
 from particles.state import restore
-from particles.system import SUMS, TRAVEL, Terms
+from particles.system import SKIN_SCALE, SUMS, TRAVEL, Terms
 from particles.walls.history import recorded, recording
 from particles.walls.listing import driven
 from particles.walls.rows import DASHPOT, DRIVEN, GIVEN, LOAD, STIFFNESS, VELOCITY
@@ -36,6 +37,7 @@ llvm.load_library_permanently(MPI.__file__)  # the compiled loops call MPI by th
 CALLING = 15e4  # what lists and halos of all ranks cost beside the particles, in steps of a pair (`particles.listing.skin_scale`)
 
 
+_renew = Direct(renew)
 _ASSIGNED = [*range(VELOCITY, VELOCITY + 6), *range(LOAD, LOAD + 6), GIVEN, DRIVEN]  # columns of a body
 
 
@@ -117,18 +119,47 @@ class SharedAssembly(Gathered):
             Unstable: a particle of any rank has no finite position or velocity.
         """
         part, clock = self.part, self.part._system.clock
-        clock[TRAVEL] = self.comm.allreduce(clock[TRAVEL], op=MPI.MAX)  # one skin for all
-        if self._border is not None:
-            self._file_breaks()
-            self._known = self._border_pairs()
-            if self._owner is None and self.comm.size > 1:
-                self._hand_over()
-        self._together(lambda: listing.rebuild(part))
-        part._set_skin(self.comm.allreduce(part.skin, op=MPI.MAX))
-        self._find_halo()
+        travel = np.array([clock[TRAVEL], clock[SKIN_SCALE], part.skin])  # one skin for all
+        self.comm.Allreduce(MPI.IN_PLACE, travel, op=MPI.MAX)
+        clock[TRAVEL], clock[SKIN_SCALE] = travel[:2]
+        part._set_skin(travel[2])
+        listing.fit(part)
+        if self._border is None or not self._pruned():
+            self._search()
         if part._system.walls is not None:
             self._agree_on_servos()
         self.rebuilds += 1
+
+    def _pruned(self) -> bool:
+        """Make the lists out of the outer ones and the halo as it is; whether these reach far enough, on all ranks."""
+        part, comm = self.part, self.comm
+        if comm.allreduce(not listing.holds(part, self._halo_skin), op=MPI.LOR):
+            return False
+        _renew(self._halo, self._border, part._laws.viscous)
+        known = self._border_histories()
+        if self._border.breaks is not None:
+            self._file_breaks()
+        if any(self._together(lambda: listing.build(part, False))):  # bonds have asked for more
+            return False
+        self._list_border(known)
+        return True
+
+    def _search(self) -> None:
+        """Outer lists and halos anew, on all ranks."""
+        part, comm = self.part, self.comm
+        if self._border is not None:
+            self._file_breaks()
+            self._known = self._border_pairs()
+            if self._owner is None and comm.size > 1:
+                self._hand_over()
+        while True:
+            self._together(lambda: listing.build(part, True))
+            skins = np.array([part.skin, -part.skin])
+            comm.Allreduce(MPI.IN_PLACE, skins, op=MPI.MAX)
+            if skins[0] == -skins[1]:
+                break
+            part._set_skin(skins[0])  # bonds of one rank have asked for more
+        self._find_halo()
 
     def _weights(self) -> np.ndarray:
         """Cost of each row (n,), in that of moving a particle: half of the listed pairs of each."""
@@ -174,17 +205,18 @@ class SharedAssembly(Gathered):
             self.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
             body[:, column] = found
 
-    def _together(self, work: Callable[[], Any]) -> None:
-        """Do something on every rank; what goes wrong on one of them is an error of all."""
-        problem = None
+    def _together(self, work: Callable[[], Any]) -> list[Any]:
+        """Do something on every rank, what it returned on each; what goes wrong on one of them is an error of all."""
         try:
-            work()
+            result = work()
         except (Unstable, ValueError) as failure:
-            problem = failure
-        problems = [failure for failure in self.comm.allgather(problem) if failure is not None]
-        if problems:
-            problems[0].on_all_ranks = True
-            raise problems[0]
+            result = failure
+        results: list[Any] = self.comm.allgather(result)
+        for problem in results:
+            if isinstance(problem, Exception):
+                problem.on_all_ranks = True  # type: ignore[attr-defined]
+                raise problem
+        return results
 
     # Stepping ----------------------------------------------------------------------------------------------------------
 

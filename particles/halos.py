@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
+from numba import njit
 
-from particles import neighbours
+from particles import neighbours, pruning
 from particles.assembly import Assembly
 from particles.columns import WIDTH, aligned
 from particles.contacts import SCRATCH
 from particles.neighbours import ROOM
 from particles.parts import Pairs, room_for_breaks
 from particles.ranks import Halo, numbers
-from particles.system import MASS, RADIUS
+from particles.system import MASS, OUTER, RADIUS
 
 TAG = 7
 _PADDED = ("position", "velocity", "acceleration", "force", "spin", "angular", "torque", "lightness")
@@ -26,7 +27,7 @@ def _handle(of: Any) -> int:
 
 
 def halo_of(
-    comm: Any, rows: list[np.ndarray], received: list[int], first: int, width: int, *, reactions: int = 0, sums: int = 0,
+    comm: Any, rows: list[np.ndarray], received: list[int], first: int, width: int, *, sums: int = 0,
     seconds: np.ndarray, tag: int = TAG,
 ) -> tuple[Halo, list[Any]]:  # fmt: skip
     """The way to other ranks for compiled loops, and the persistent messages that it stands on.
@@ -37,7 +38,7 @@ def halo_of(
         received: number of rows that come from each rank.
         first: row of the first of them.
         width: numbers a row.
-        reactions, sums: room for numbers that are summed.
+        sums: room for numbers that are summed.
         seconds: (2,) where the time of exchanges and agreements is added up.
         tag: of the messages.
     """
@@ -54,13 +55,42 @@ def halo_of(
     halo = Halo(
         np.concatenate([np.zeros(0, dtype=np.int64), *rows]).astype(np.int64), np.array([first]), out, into,
         np.array([_handle(request) for request in requests], dtype=np.int64), np.array(handles, dtype=np.int64),
-        np.zeros(2), np.zeros((2, reactions)), np.zeros((2, sums)), seconds,
+        np.zeros(2), np.zeros((2, sums)), seconds,
     )  # fmt: skip
     return halo, requests
 
 
+@njit(**OUTER)
+def _box_of(places):
+    """Lowest and highest coordinates (2, axes); the other way round where there are no places."""
+    box = np.empty((2, places.shape[1]))
+    box[0], box[1] = np.inf, -np.inf
+    for i in range(places.shape[0]):
+        for k in range(places.shape[1]):
+            box[0, k] = min(box[0, k], places[i, k])
+            box[1, k] = max(box[1, k], places[i, k])
+    return box
+
+
+@njit(**OUTER)
+def _inside(places, middle, half, periodic):
+    """Rows (k,) of the places within `half` (axes,) of a `middle`, along axes that repeat after 1 (`periodic`) by the nearest image."""
+    found, count = np.empty(places.shape[0], dtype=np.int64), 0
+    for i in range(places.shape[0]):
+        within = True
+        for k in range(places.shape[1]):
+            away = places[i, k] - middle[k]
+            if periodic[k]:
+                away -= np.round(away)
+            within = within and abs(away) <= half[k]
+        if within:
+            found[count] = i
+            count += 1
+    return found[:count].copy()
+
+
 class Bordering:
-    """Finds the halo of `part` for its present list, on all ranks together; histories across the border come from `_known`."""
+    """The halo of `part` for its outer list, and the list of contacts across the border, pruned from those within the halo."""
 
     comm: Any
     part: Assembly
@@ -74,6 +104,9 @@ class Bordering:
     _requests: list[Any]
     _border: Any
     _border_sums: np.ndarray
+    _halo_skin: float  # how far the halo reaches beyond both radii, m
+    _within: np.ndarray  # (2, pairs) int32: lower and higher row of all pairs within the halo
+    _listed: np.ndarray  # those of them that are listed
 
     def _units(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places of the rows (n, axes), along periodic axes as shares of the edge; length of a unit (axes,), m; which axes repeat."""
@@ -90,9 +123,10 @@ class Bordering:
         return places, scale, periodic
 
     def _find_halo(self) -> None:
-        """Who needs which rows of whom; the list of contacts across borders; the arrays with room for the halo."""
+        """Who needs which rows of whom; the arrays with room for the halo; the list of contacts across borders, histories from `_known`."""
         comm, part = self.comm, self.part
-        reach = 2.0 * part._largest_radius + part.skin
+        self._halo_skin = comm.allreduce(part._outer.skin, op=MPI.MIN)  # type: ignore[union-attr]
+        reach = 2.0 * part._largest_radius + self._halo_skin
         wanted = self._near_boxes(reach)
         sent = [self._rows_sent(rows) if other != comm.rank else None for other, rows in enumerate(wanted)]
         offered = comm.alltoall(sent)
@@ -105,7 +139,7 @@ class Bordering:
         replies = [used[(used >= a) & (used < b)] - a for a, b in zip(bounds[:-1], bounds[1:])]
         asked = comm.alltoall(replies)
         rows = [wanted[other][asked[other]] for other in range(comm.size)]
-        self._set_arrays(guests[used], one, np.searchsorted(used, guest))
+        self._set_rows(guests[used], one, np.searchsorted(used, guest))
         self._set_messages(rows, [len(reply) for reply in replies])
 
     def _near_boxes(self, reach: float) -> list[np.ndarray]:
@@ -113,18 +147,13 @@ class Bordering:
         comm = self.comm
         places, scale, periodic = self._units()
         widths = reach / scale
-        empty = not len(places)
-        box = np.zeros((2, self.axes)) if empty else np.array([places.min(axis=0), places.max(axis=0)])
-        boxes = comm.allgather((empty, box))
-        found: list[np.ndarray] = []
-        for rank, (none, (low, high)) in enumerate(boxes):
-            if rank == comm.rank or none or empty:
-                found.append(np.zeros(0, dtype=np.int64))
-                continue
-            away = places - 0.5 * (low + high)
-            away[:, periodic] -= np.round(away[:, periodic])
-            found.append(np.flatnonzero((np.abs(away) <= 0.5 * (high - low) + widths).all(axis=1)))
-        return found
+        boxes = np.empty((comm.size, 2, self.axes))
+        comm.Allgather(_box_of(places), boxes)
+        others = [low <= high if rank != comm.rank else False for rank, (low, high) in enumerate(boxes[:, :, 0])]
+        return [
+            _inside(places, 0.5 * (low + high), 0.5 * (high - low) + widths, periodic) if there else np.zeros(0, dtype=np.int64)
+            for there, (low, high) in zip(others, boxes)
+        ]
 
     def _rows_sent(self, rows: np.ndarray) -> np.ndarray:
         """What others need to know once of these rows (k, 10): number, place, radius, mass, material, shares, ghost."""
@@ -140,7 +169,7 @@ class Bordering:
         return found
 
     def _pairs_with(self, guests: np.ndarray, own: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs closer than both radii and the skin: own rows (k,) and guests (k,)."""
+        """Pairs closer than both radii and the skin of the halo: own rows (k,) and guests (k,)."""
         part = self.part
         none = np.zeros(0, dtype=np.int64)
         if not len(guests) or not len(own):
@@ -153,15 +182,15 @@ class Bordering:
         still[len(own) :] = True
         grid = neighbours.grid_of(places, reach, self.axes, part._system.cell)
         start, first, second = neighbours.list_pairs(
-            grid, places, places[:, RADIUS].copy(), still, part.skin, self.axes, 4 * len(places), part._system.cell
+            grid, places, places[:, RADIUS].copy(), still, self._halo_skin, self.axes, 4 * len(places), part._system.cell
         )
         first, second = first[: start[-1]].astype(np.int64), second[: start[-1]].astype(np.int64)
         led = np.concatenate([part._ghost[part._ids[own]], guests[:, 9] > 0.0])  # the caller's ghosts have no pairs, either
         mixed = np.flatnonzero((second >= len(own)) & ~(led[first] & led[second]))  # guests are never first
         return own[first[mixed]], second[mixed] - len(own)
 
-    def _set_arrays(self, guests: np.ndarray, one: np.ndarray, guest: np.ndarray) -> None:
-        """Rows of the halo, and two more far from each other, behind the own ones; the list of pairs across the border."""
+    def _set_rows(self, guests: np.ndarray, one: np.ndarray, guest: np.ndarray) -> None:
+        """Rows of the halo, and two more far from each other, behind the own ones; the pairs (k,) of own rows and guests."""
         part, system = self.part, self.part._system
         count, more = part.count, len(guests)
         long: dict[str, Any] = {}
@@ -186,17 +215,38 @@ class Bordering:
         exchanged = self._numbers[one] > self._numbers[other]
         first, second = np.where(exchanged, other, one), np.where(exchanged, one, other)
         order = np.argsort(one, kind="stable")
-        whole = -(-len(one) // WIDTH) * WIDTH
-        lines = np.zeros((2, whole + ROOM), dtype=np.int32)
-        lines[0, :whole], lines[1, :whole] = count + more, count + more + 1
-        lines[:, : len(one)] = first[order], second[order]
-        history = aligned((len(self._signs), whole + ROOM))
-        self._known.of(self._numbers[lines[0, : len(one)]], self._numbers[lines[1, : len(one)]], history)
+        self._within = np.array([first[order], second[order]], dtype=np.int32)
+        history = np.zeros((len(self._signs), len(one)))
+        self._known.of(self._numbers[self._within[0]], self._numbers[self._within[1]], history)
         self._border = part._system._replace(
-            start=np.array([0, len(one)], dtype=np.int32), first=lines[0].copy(), second=lines[1].copy(), history=history,
-            scratch=aligned((SCRATCH,)), sums=self._border_sums, walls=None, records=None, held=None, external=None,
-            breaks=None if system.breaks is None else room_for_breaks(history), **long,
+            scratch=aligned((SCRATCH,)), sums=self._border_sums, walls=None, records=None, held=None, external=None, **long
+        )
+        self._list_border(history)
+
+    def _list_border(self, known: np.ndarray) -> None:
+        """List the pairs within the halo that are near now or bonded; `known` (columns, pairs) are their histories."""
+        part, border = self.part, self._border
+        near = pruning.near(self._within, border.position, self.axes, part.skin, border.cell)
+        if part._laws.has_bonds:
+            near |= known[0] > 0.5
+        self._listed = np.flatnonzero(near)
+        count, rows = len(self._listed), len(border.position)
+        whole = -(-count // WIDTH) * WIDTH
+        lines = np.zeros((2, whole + ROOM), dtype=np.int32)
+        lines[0, :whole], lines[1, :whole] = rows - 2, rows - 1
+        lines[:, :count] = self._within[:, self._listed]
+        history = aligned((len(known), whole + ROOM))
+        history[:, :count] = known[:, self._listed]
+        self._border = border._replace(
+            start=np.array([0, count], dtype=np.int32), first=lines[0].copy(), second=lines[1].copy(), history=history,
+            breaks=None if border.breaks is None else room_for_breaks(history),
         )  # fmt: skip
+
+    def _border_histories(self) -> np.ndarray:
+        """Histories (columns, pairs) of all pairs within the halo, zero for those that are not listed."""
+        found = np.zeros((len(self._signs), self._within.shape[1]))
+        found[:, self._listed] = self._border.history[:, : len(self._listed)]
+        return found
 
     def _set_messages(self, rows: list[np.ndarray], received: list[int]) -> None:
         """Persistent messages to and from the neighbours."""
@@ -207,7 +257,7 @@ class Bordering:
         walls = part._system.walls
         room = 0 if walls is None else 6 * len(walls.wall) + len(walls.body)
         self._halo, self._requests = halo_of(
-            comm, rows, received, part.count, width, reactions=room, sums=self._room, seconds=self._seconds
+            comm, rows, received, part.count, width, sums=room + self._room, seconds=self._seconds
         )
 
     def _border_pairs(self) -> Pairs:

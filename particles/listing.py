@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 WIDEST = 0.3  # widest skin that is chosen here, as a share of the largest radius
 OUTER, OUTER_WIDEST = 10.0, 0.45  # skin of the outer list, as a multiple of the skin; but not beyond this share of the mean radius
+OUTER_LEAST = 3.0  # or this multiple of the skin, where that is more: so many lists from one search
 PRUNING, CALLING = 4.0, 15000.0  # what a pruned list costs, in steps of a pair: for each particle, and whatever their number
 GAPS = {2: 3.0, 3: 7.5}  # pairs for each particle that a skin of a radius would bring, before those of a packing are known
 
@@ -32,7 +33,23 @@ _travelled = Direct(neighbours.travelled)
 
 
 def rebuild(soil: Assembly) -> None:
-    """Build the list anew; sort the rows when particles have moved by about a cell since the last sort.
+    """Build the list anew, with a skin that fits.
+
+    Raises:
+        Unstable: a particle has no finite position or velocity.
+    """
+    fit(soil)
+    build(soil, not holds(soil))
+
+
+def build(soil: Assembly, anew: bool) -> bool:
+    """Build the list with the present skin, or a wider one that bonds ask for.
+
+    Args:
+        anew: Search the outer list anew, and sort the rows when particles have moved by about a cell since the last sort.
+
+    Returns:
+        Whether an outer list was searched.
 
     Raises:
         Unstable: a particle has no finite position or velocity.
@@ -42,23 +59,22 @@ def rebuild(soil: Assembly) -> None:
     if row >= 0:
         raise Unstable(f"particle {soil._label(row)} has no finite position or velocity at t={soil.time:g} s")
     largest = soil._largest_radius
-    _fit_skin(soil)
     if soil.cell is not None:
-        reduce_tilt(soil.cell)
         check_room(soil.cell, 2.0 * largest + soil.skin)
     old_row_of: np.ndarray | None = None
     changed: dict[str, Any] = {}
-    outer = soil._outer
-    if outer is None or not _holds(outer, soil):
+    if anew:
         old_row_of = _sort_if_worth_it(soil, changed)
-        outer = _search(soil, changed.get("position", system.position))
     position = changed.get("position", system.position)
+    outer = soil._outer
+    if anew or outer is None:
+        outer = _search(soil, position)
     found = _pruned(soil, outer, position, old_row_of)
     while bonds_in(soil, found["history"]) < bonds_in(soil, system.history) and soil.skin < 2.0 * largest:
         # a bond must stay in the list for as long as it holds, however far it stretches (up to a diameter; and pairs of
         # two ghosts, which the caller moves, are no longer listed)
         soil._widen(1.5 * soil.skin)
-        outer = _search(soil, position)
+        outer, anew = _search(soil, position), True
         found = _pruned(soil, outer, position, old_row_of)
     changed |= found
     changed["listed"] = position[:, :axes].copy()
@@ -77,6 +93,7 @@ def rebuild(soil: Assembly) -> None:
     set_contact_constants(soil)
     if old_row_of is not None:
         holding.place(soil)
+    return anew
 
 
 def skin_scale(count: int, more: float, calling: float = CALLING) -> float:
@@ -84,24 +101,27 @@ def skin_scale(count: int, more: float, calling: float = CALLING) -> float:
     return 2.0 * (PRUNING * count + calling) / more
 
 
-def _fit_skin(soil: Assembly) -> None:
-    """Choose the skin anew where the caller gave none, if anything has moved since the last list."""
+def fit(soil: Assembly) -> None:
+    """Before a list is built: choose the skin where the caller gave none, if anything has moved since the last; reduce a cell's tilt."""
     clock, largest = soil._system.clock, soil._largest_radius
-    fit = fitting_skin(clock)
-    if not np.isfinite(fit):
+    if soil.cell is not None:
+        reduce_tilt(soil.cell)
+    fitting = fitting_skin(clock)
+    if not np.isfinite(fitting):
         return
-    skin = max(clock[LEAST_SKIN], min(fit, WIDEST * largest))
+    skin = max(clock[LEAST_SKIN], min(fitting, WIDEST * largest))
     if soil.cell is not None:  # which must be at least three cells of the search wide
         skin = min(skin, max(clock[LEAST_SKIN], _narrowest(soil.cell) / 3.0 - 2.0 * largest))
     soil._set_skin(skin)
 
 
-def _holds(outer: pruning.OuterList, soil: Assembly) -> bool:
-    """Whether an outer list still has all pairs within the skin."""
-    if outer.ids is not soil._ids or outer.skin < soil.skin:
+def holds(soil: Assembly, most: float = np.inf) -> bool:
+    """Whether the outer list still has all pairs within the skin; `most` (m): as if it reached no farther than that."""
+    outer = soil._outer
+    if outer is None or outer.ids is not soil._ids or (widest := min(outer.skin, most)) < soil.skin:
         return False
     travel = _travelled(soil._system.position, outer.places, outer.cell)
-    return bool(soil.skin + 2.0 * travel <= outer.skin)
+    return bool(soil.skin + 2.0 * travel <= widest)
 
 
 def _sort_if_worth_it(soil: Assembly, changed: dict[str, Any]) -> np.ndarray | None:
@@ -117,7 +137,7 @@ def _sort_if_worth_it(soil: Assembly, changed: dict[str, Any]) -> np.ndarray | N
 def _search(soil: Assembly, position: np.ndarray) -> pruning.OuterList:
     """A new outer list: all pairs within its skin."""
     cell, axes, largest = soil._system.cell, soil.axes, soil._largest_radius
-    skin = min(OUTER * soil.skin, OUTER_WIDEST * soil._mean_radius)
+    skin = max(min(OUTER * soil.skin, OUTER_WIDEST * soil._mean_radius), OUTER_LEAST * soil.skin)
     if soil.cell is not None:
         skin = min(skin, _narrowest(soil.cell) / 3.0 - 2.0 * largest)
     skin = max(skin, soil.skin)

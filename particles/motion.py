@@ -23,7 +23,7 @@ from particles.cell import image_numbers, move_cell
 from particles.columns import WIDTH
 from particles.contacts import end_pairs, pair_batch, start_pairs
 from particles.neighbours import ROOM, travelled
-from particles.ranks import exchange, highest
+from particles.ranks import highest, receive, send
 from particles.system import (
     AGE,
     CELL,
@@ -47,7 +47,7 @@ from particles.system import (
     VISCOUS,
 )  # fmt: skip
 from particles.vectors import in_plane
-from particles.walls.contact import wall_forces
+from particles.walls.contact import end_wall_forces, wall_forces
 from particles.walls.history import record_walls
 from particles.walls.motion import end_walls, move_walls, walls_travel
 
@@ -222,12 +222,12 @@ def _load(force, torque, lightness, gravity, external, first, last):
 
 
 @njit(**MERGED)
-def _before_pairs(system, terms, step, halo):
-    """Walls; the powers of the last evaluation."""
+def _before_pairs(system, terms, step):
+    """Walls of this rank; the powers of the last evaluation."""
     sums = system.sums
     powers = sums[POWER], sums[CELL_POWER]
     sums[POWER] = sums[CELL_POWER] = 0.0
-    wall_forces(system, terms, step, halo)
+    wall_forces(system, terms, step)
     start_pairs(system.scratch)
     return powers
 
@@ -273,13 +273,24 @@ def evaluate(system, terms, step):
 @njit(**MERGED_STEPS)
 def evaluate_with(system, terms, step, border, halo):
     """`evaluate` with contacts across the borders of this rank (both None on one rank); collective."""
-    exchange(halo, border, terms.viscous)
+    evaluate_pairs(system, terms, step, border, halo)
+    end_wall_forces(system, terms, step, halo, None)
+
+
+@njit(**MERGED)
+def evaluate_pairs(system, terms, step, border, halo):
+    """`evaluate_with` before `particles.walls.contact.end_wall_forces`, which may sum more than the reactions on walls.
+
+    Messages are under way while the contacts within this rank are computed.
+    """
+    send(halo, border, terms.viscous)
     _load(system.force, system.torque, system.lightness, terms.gravity, system.external, 0, system.position.shape[0])
-    powers = _before_pairs(system, terms, step, halo)
-    _border_pairs(border, terms, step)
+    powers = _before_pairs(system, terms, step)
     pairs, image = system.start[system.position.shape[0]], image_numbers(system.cell)
     for at in range(0, pairs, WIDTH):
         pair_batch(system, terms, step, image, at, min(WIDTH, pairs - at))
+    receive(halo, border, terms.viscous)
+    _border_pairs(border, terms, step)
     _after_pairs(system, powers, step)
 
 
@@ -291,8 +302,10 @@ def _evaluate_and_kick(system, terms, step, move, border, halo):
     the rows are still in the cache then: memory is gone through once a step, not twice. Forces and torques come set
     to the loads (`_load`), and with `move` = ONWARD they are left so.
     """
-    exchange(halo, border, terms.viscous)
-    powers = _before_pairs(system, terms, step, halo)
+    send(halo, border, terms.viscous)
+    powers = _before_pairs(system, terms, step)
+    end_wall_forces(system, terms, step, halo, None)
+    receive(halo, border, terms.viscous)
     _border_pairs(border, terms, step)
     record_walls(system.records, system.walls, system.clock[TIME])
     set_flow(system.flow, system.position, system.cell, system.spin)

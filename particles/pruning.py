@@ -65,6 +65,25 @@ def prune(start, second, position, axes, skin, cell):
     return begin, rows, partners
 
 
+@Direct
+@njit(**OUTER)
+def near(pairs, position, axes, skin, cell):
+    """Which pairs (2, k) of rows are closer than r_i + r_j + skin now: (k,) bools; the rest as for `prune`."""
+    image = image_numbers(cell)
+    found = np.empty(pairs.shape[1], dtype=np.bool_)
+    for k in range(found.size):
+        i, j = pairs[0, k], pairs[1, k]
+        bx, by, bz = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1], position[j, 2] - position[i, 2]
+        if axes == 2:
+            bx, by, _, _ = image_in_plane(image, bx, by)
+            bz = 0.0
+        else:
+            (bx, by, bz), _ = image_in_space(image, (bx, by, bz))
+        limit = position[i, RADIUS] + position[j, RADIUS] + skin
+        found[k] = bx * bx + by * by + bz * bz < limit * limit
+    return found
+
+
 @njit(**OUTER)
 def match(start, second, old_start, old_second):
     """Where each pair of a list is in another of the same rows, -1 for none (pairs,); partners ascend in both."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from numba import njit, types
 
-from particles.system import INLINE, INNER, MERGED
+from particles.system import INLINE, INNER, MERGED, STEPS
 from particles.walls.rows import ACTION, TOUCHING
 
 _int, _address = types.int32, types.intp
@@ -33,8 +33,7 @@ class Halo(NamedTuple):
     requests: Any  # (messages,) int64: persistent requests of MPI
     handles: Any  # (4,) int64: communicator, kind of number, largest of, sum of
     flag: Any  # (2,): room for a number and the largest of it
-    reactions: Any  # (2, walls * 6 + bodies): room for reactions on walls and their sums
-    sums: Any  # (2, numbers): room for what else is summed
+    sums: Any  # (2, numbers): room for what is summed, reactions on walls too, and for its sums
     seconds: Any  # (2,): spent in exchanging rows (with the wait for others), in agreeing on numbers
 
 
@@ -89,27 +88,38 @@ def numbers(space: bool, viscous: bool) -> int:
 
 
 @njit(**MERGED)
-def exchange(halo, border, viscous):
-    """Give the neighbours the rows that they need, and take theirs (collective among neighbours)."""
+def send(halo, border, viscous):
+    """Give the neighbours the rows that they need; theirs are there after `receive`."""
     if halo is not None:
-        _exchange(halo, border, viscous)
+        change, angular = _if(viscous, border.acceleration), _if(viscous, border.angular)
+        _send(halo, border.position, border.velocity, border.spin, change, angular)
 
 
 @njit(**MERGED)
-def _exchange(halo, border, viscous):
-    change, angular = _if(viscous, border.acceleration), _if(viscous, border.angular)
-    _swap(halo, border.position, border.velocity, border.spin, change, angular)
+def receive(halo, border, viscous):
+    """Take the neighbours' rows, behind the own ones (collective among neighbours, with `send` before)."""
+    if halo is not None:
+        change, angular = _if(viscous, border.acceleration), _if(viscous, border.angular)
+        _receive(halo, border.position, border.velocity, border.spin, change, angular)
+
+
+@njit(**STEPS)
+def renew(halo, border, viscous):
+    """Bring the rows of the halo up to date (collective among neighbours)."""
+    send(halo, border, viscous)
+    receive(halo, border, viscous)
 
 
 @njit(**INNER)
 def exchange_values(halo, values):
     """Give the neighbours the rows of an array (n, 3) that they need, and take theirs (collective among neighbours)."""
-    _swap(halo, values, None, None, None, None)
+    _send(halo, values, None, None, None, None)
+    _receive(halo, values, None, None, None, None)
 
 
 @njit(**INNER)
-def _swap(halo, position, velocity, spin, change, angular):
-    start, rows, first = _time(), halo.rows, halo.first[0]
+def _send(halo, position, velocity, spin, change, angular):
+    start, rows = _time(), halo.rows
     turning = 6 + _after(spin)
     last = turning + _after(change)
     _pack(halo.out, rows, position, 0)
@@ -118,6 +128,14 @@ def _swap(halo, position, velocity, spin, change, angular):
     _pack(halo.out, rows, change, turning)
     _pack(halo.out, rows, angular, last)
     _start_all(halo.requests.size, halo.requests.ctypes.data)
+    halo.seconds[WAITED] += _time() - start
+
+
+@njit(**INNER)
+def _receive(halo, position, velocity, spin, change, angular):
+    start, first = _time(), halo.first[0]
+    turning = 6 + _after(spin)
+    last = turning + _after(change)
     _wait_all(halo.requests.size, halo.requests.ctypes.data, 0)
     _unpack(halo.into, first, position, 0)
     _unpack(halo.into, first, velocity, 3)
@@ -128,49 +146,49 @@ def _swap(halo, position, velocity, spin, change, angular):
 
 
 @njit(**INNER)
-def sum_reactions(halo, walls):
-    """Reactions on the walls and numbers of contacts, summed over the ranks (collective)."""
-    if halo is not None:
-        _sum_reactions(halo, walls.wall, walls.body)
+def _into(room, at, values, first, columns):
+    """Columns of all rows of an array behind the first `at` numbers of the room, if there is one; the numbers there then."""
+    if values is not None:
+        for k in range(values.shape[0]):
+            for c in range(columns):
+                room[at + c] = values[k, first + c]
+            at += columns
+    return at
 
 
 @njit(**INNER)
-def _sum_reactions(halo, wall, body):
-    own, total = halo.reactions[0], halo.reactions[1]
-    start, at = _time(), 0
-    for k in range(wall.shape[0]):
-        for c in range(6):
-            own[at + c] = wall[k, ACTION + c]
-        at += 6
-    for b in range(body.shape[0]):
-        own[at + b] = body[b, TOUCHING]
-    _all_reduce(own.ctypes.data, total.ctypes.data, own.size, halo.handles[DOUBLE], halo.handles[SUM], halo.handles[COMM])
-    at = 0
-    for k in range(wall.shape[0]):
-        for c in range(6):
-            wall[k, ACTION + c] = total[at + c]
-        at += 6
-    for b in range(body.shape[0]):
-        body[b, TOUCHING] = total[at + b]
+def _out_of(room, at, values, first, columns):
+    """The way back of `_into`."""
+    if values is not None:
+        for k in range(values.shape[0]):
+            for c in range(columns):
+                values[k, first + c] = room[at + c]
+            at += columns
+    return at
+
+
+@njit(**INNER)
+def _sum(halo, wall, body, values):
+    own, total, start = halo.sums[0], halo.sums[1], _time()
+    at = _into(own, 0, wall, ACTION, 6)
+    at = _into(own, at, body, TOUCHING, 1)
+    at = _into(own, at, values, 0, 3)
+    _all_reduce(own.ctypes.data, total.ctypes.data, at, halo.handles[DOUBLE], halo.handles[SUM], halo.handles[COMM])
+    at = _out_of(total, 0, wall, ACTION, 6)
+    at = _out_of(total, at, body, TOUCHING, 1)
+    _out_of(total, at, values, 0, 3)
     halo.seconds[AGREED] += _time() - start
+
+
+@njit(**INNER)
+def sum_reactions(halo, walls, values):
+    """Reactions on the walls, numbers of contacts and `values` (k, 3), or None, summed over the ranks in one message (collective)."""
+    if halo is not None:
+        _sum(halo, walls.wall, walls.body, values)
 
 
 @njit(**INNER)
 def sum_together(halo, values):
     """Replace an array (k, 3) by its sum over the ranks (collective), the same to the bit on all; nothing on one rank."""
     if halo is not None:
-        _sum_together(halo, values)
-
-
-@njit(**INNER)
-def _sum_together(halo, values):
-    own, total, start = halo.sums[0], halo.sums[1], _time()
-    for i in range(values.shape[0]):
-        for c in range(3):
-            own[3 * i + c] = values[i, c]
-    number = 3 * values.shape[0]
-    _all_reduce(own.ctypes.data, total.ctypes.data, number, halo.handles[DOUBLE], halo.handles[SUM], halo.handles[COMM])
-    for i in range(values.shape[0]):
-        for c in range(3):
-            values[i, c] = total[3 * i + c]
-    halo.seconds[AGREED] += _time() - start
+        _sum(halo, None, None, values)

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from bridge.overlap.nodes import kick_nodes, pull_nodes, start_nodes
-from bridge.substeps import forces, list_used_up
+from bridge.substeps import end_forces, forces, list_used_up
 from particles.block_motion import ONWARD, TO_END
 from particles.motion import drift, kick_on, moved
 from particles.ranks import sum_together
@@ -205,7 +205,7 @@ def run_tied(system, terms, linear, tied, nodes, stiffness, mass, damping, borde
             return j
         forces(system, terms, linear, h, border, halo)
         _feel(system, tied, nodes.link)
-        sum_together(halo, nodes.links)
+        end_forces(system, terms, linear, h, halo, nodes.links)
         last = j == steps - 1
         pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
         kick_nodes(nodes, mass, damping, h, last)
@@ -233,7 +233,7 @@ def run_penalised(system, terms, linear, tied, nodes, stiffness, mass, damping, 
             return j
         forces(system, terms, linear, h, border, halo)
         _stretch(system, tied, nodes)
-        sum_together(halo, nodes.links)
+        end_forces(system, terms, linear, h, halo, nodes.links)
         last = j == steps - 1
         pull_nodes(nodes, stiffness, (j + 1) * h, 0.5 * h if last else h)
         kick_nodes(nodes, mass, damping, h, last)

@@ -13,7 +13,7 @@ from numba import njit
 
 from particles.kinematics import tangent_ratio, turning
 from particles.laws.touch import FLAT, Touch, respond, wall_law
-from particles.ranks import sum_reactions
+from particles.ranks import sum_reactions, sum_together
 from particles.system import INLINE, KERNEL, MASS, MERGED, OUTER, RADIUS, SPENT
 from particles.vectors import cross, dot, load, minus, moved, plus, present, scaled, store
 from particles.walls.motion import balance, book, rotated, rotated_back, row_vector, to_reference, turned_by
@@ -345,17 +345,34 @@ def _material_of(material, i):
 
 
 @njit(**MERGED)
-def wall_forces(system, terms, step, halo):
-    """Add the wall contacts to the forces, set the reactions on walls, accelerations of bodies, and book works.
+def wall_forces(system, terms, step):
+    """Add the wall contacts of this rank to the forces and to the reactions on walls; `end_wall_forces` must follow.
 
     Row velocities are those of the middle of the step, as for pairs; the increments of the bodies are in their rows (zero
     while they are held).
     """
-    _wall_forces(system.walls, system.cell, system, terms, step, halo)
+    _wall_forces(system.walls, system.cell, system, terms, step)
+
+
+@njit(**MERGED)
+def end_wall_forces(system, terms, step, halo, values):
+    """Sum the reactions over the ranks, and `values` (k, 3) or None with them (collective); set the accelerations of bodies, book works."""
+    _end_wall_forces(system.walls, terms, step, halo, values, system.sums)
 
 
 @njit(**INLINE)
-def _wall_forces(walls, cell, system, terms, step, halo):
+def _end_wall_forces(walls, terms, step, halo, values, sums):
+    if walls is None:
+        if values is not None:
+            sum_together(halo, values)
+    else:
+        sum_reactions(halo, walls, values)
+        balance(walls.body, walls.wall, terms.gravity, step)
+        book(walls.body, walls.wall, sums)
+
+
+@njit(**INLINE)
+def _wall_forces(walls, cell, system, terms, step):
     if walls is None:
         return
     body, wall, near, history, sums = walls.body, walls.wall, walls.near, walls.history, system.sums
@@ -403,9 +420,6 @@ def _wall_forces(walls, cell, system, terms, step, halo):
                 wall[which, ACTION + c] -= push[c]
                 wall[which, ACTION + 3 + c] -= moment[c]
             body[owner, TOUCHING] += 1.0 if overlap > 0.0 else 0.0
-    sum_reactions(halo, walls)
-    balance(body, wall, terms.gravity, step)
-    book(body, wall, sums)
 
 
 @njit(**OUTER)
