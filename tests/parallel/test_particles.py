@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scipy.spatial import cKDTree
 
 from particles import Assembly, Plate, Unstable
 from particles.bisection import bisect, part_of
 from particles.exchange import SharedAssembly
+from particles.system import TRAVEL_LIMIT
 from tests.particles.scenes import ALL, square_lattice
 from tests.particles.test_state import discs_among_walls
 
@@ -81,6 +83,43 @@ def test_ranks_without_particles_take_part():
     found = shared.gather(shared.part.positions)
     if COMM.rank == 0:
         np.testing.assert_allclose(found, alone.positions, rtol=0, atol=1e-13)
+
+
+def halves():
+    """A gas with gaps of up to 0.02 m, one half of it looser: a skin that fits one half is not that which fits the other."""
+    dense, loose = 1.1 * square_lattice(80, 30), 2.5 * square_lattice(30, 12)
+    random = np.random.default_rng(2)
+    places = np.vstack([dense, loose + [8.9, 0.0]])
+    soil = Assembly(places + random.uniform(-0.005, 0.005, places.shape), 0.05, law=ALL)
+    soil.velocities = np.column_stack([random.normal(0.0, 0.1, places.shape), np.zeros(len(places))])
+    return soil, 2e-5, {}
+
+
+def missing_pairs(shared):
+    """Pairs with a particle of this rank that come nearer than the list must know and are in none of its lists."""
+    part, reach = shared.part, 2.0 * shared.part._system.clock[TRAVEL_LIMIT]
+    places = np.zeros((shared.count, 2))
+    for ids, some in COMM.allgather((shared.ids, part.positions[:, :2])):
+        places[ids] = some
+    listed = set()
+    for numbers, one in ((shared.ids[part._ids], part._system), (shared._numbers, shared._border)):
+        count = int(one.start[-1])
+        listed |= set(map(tuple, np.sort(numbers[np.array([one.first[:count], one.second[:count]])], axis=0).T.tolist()))
+    near = set(map(tuple, cKDTree(places).query_pairs(0.1 + reach - 1e-12, output_type="ndarray").tolist()))
+    return [pair for pair in near - listed if np.isin(pair, shared.ids).any()]
+
+
+def test_lists_of_all_ranks_reach_as_far_as_they_say():
+    """Whatever skin would fit a rank's own particles, and whether a list is pruned from an outer one or searched."""
+    shared = SharedAssembly(lambda: halves()[0], COMM)
+    searched = [0]
+    search = shared._search
+    shared._search = lambda: (searched.append(1), search())
+    for _ in range(12):
+        shared.advance(150, 2e-5)
+        shared.rebuild()
+        assert not missing_pairs(shared)
+    assert 0 < sum(searched) < shared.rebuilds - 2
 
 
 def test_particles_that_blow_up_on_one_rank_stop_all():
