@@ -15,7 +15,7 @@ from bridge.projection import Projection, SymmetricSolver
 from bridge.subcycling import Mesh, Nodes, Others
 from bridge.substeps import Ghosts, Tie
 from particles.dispatch import Direct
-from particles.network import Before, trial_forces
+from particles.network import Before, before_evaluation, trial_forces
 
 Array = NDArray[np.float64]
 
@@ -60,6 +60,7 @@ class FineScale(ParticleSide):
         self.ghosts_move_by_themselves = False  # otherwise their inside share is mass of the mesh
         self.carried_weight = 1.0 - self.share  # part of each ghost's weight that is a load of the continuum
         self._before: Before | None = None
+        self._previous = np.zeros((0, 3))
 
     def set_interface(self, covered, outline) -> int:
         """Number the nodes that move ghosts and make the kernels' arrays.
@@ -118,7 +119,8 @@ class FineScale(ParticleSide):
             local.indptr.astype(np.int64), local.indices.astype(np.int64), local.data,
             self._reference[rows[self.ids]],
         )  # fmt: skip
-        self._previous = np.zeros((len(rows), 3))
+        if len(self._previous) != len(rows):  # loops under way go on with the array that they have
+            self._previous = np.zeros((len(rows), 3))
         self._fitters: list[SymmetricSolver] = []
 
     @property
@@ -156,20 +158,20 @@ class FineScale(ParticleSide):
         """N^T values: (n, 3) in row order to (needed nodes, 3)."""
         return self._to_nodes @ values if self.soil.count else np.zeros((self._shape.shape[1], 3))
 
-    def force_of_total_motion(self, nodal: Array, nodal_velocity: Array) -> Array:
-        """Forces (n, 3) at u = N d + Q q and its velocity, on a copy of the histories (Li & Wan 2010, eq 33).
+    def force_of_total_motion(self, nodal: Array, nodal_velocity: Array, rule: Any) -> Array:
+        """Forces (n, 3) at u = N d + Q q and its velocity, on a copy of the histories (Li & Wan 2010, eq 33; collective).
 
         The predictor of the last substep stands for the particles' velocities, so that full coverage is exact with dashpots.
         """
         if not self.soil.count:
             return np.zeros((0, 3))
-        system, free, projection = self.soil.system, self._free, self.projection
+        system, free = self.soil.system, self._free
         predictor = system.velocity[:, :3] + 0.5 * self.step * (self._previous - system.acceleration[:, :3])
         increment = np.zeros_like(predictor)
-        increment[free] = projection.extend(nodal - projection.coarse(self.displacement()))
-        predictor[free] += projection.extend(nodal_velocity - projection.coarse(predictor[free]))
+        increment[free] = self._mesh_minus_coarse(rule, nodal, self.displacement())
+        predictor[free] += self._mesh_minus_coarse(rule, nodal_velocity, predictor[free])
         if self.linear is None:
-            force = trial_forces(system, self._terms, increment, predictor, self._before)
+            force = trial_forces(system, self._terms, increment, predictor, self._before, *self.across())
         else:
             linear = self.linear
             moved = system.position[:, :3] - self._reference + increment
@@ -178,6 +180,10 @@ class FineScale(ParticleSide):
             force = -(stiffness @ moved.ravel()).reshape(-1, 3)
         force[self._led.rows] -= self._led.load
         return force
+
+    def _mesh_minus_coarse(self, rule: Any, nodal: Array, values: Array) -> Array:
+        """What the mesh's motion (needed nodes, 3) is beyond the coarse part of the free particles', at these (free, 3)."""
+        return self.projection.extend(nodal - self.projection.coarse(values))
 
     def fit_covered(self, owned: Array, values: Array, rule: Any) -> None:
         """Fit the covered nodes among nodal values (owned nodes, 3) to the free particles' (free, 3), others held (collective)."""
@@ -267,14 +273,15 @@ class FineScale(ParticleSide):
         self._prepare(steps)
         self._set_ghost_velocity(velocity)
         self._ghost_acceleration[:] = self.ghost_shape @ acceleration
-        before = (self._ghost_acceleration,)
+
+        def before() -> tuple[Any, ...]:
+            return self._ghost_acceleration, *self.across()
+
         after = (self._saved, self.reaction, self._previous, self._work)
         first = -1
         if remember and self.linear is None:
             first = self.run_loop(run_prescribed, steps, before, (steps - 1, *after), until=steps - 1)
-            system = self.soil.system
-            walls = None if system.walls is None else system.walls.history.copy()
-            self._before = Before(system.history.copy(), walls, self.step * system.velocity[:, :3])
+            self._before = before_evaluation(self.soil.system, self.step, self.across()[0])
         self.run_loop(run_prescribed, steps, before, (-1, *after), first)
 
     def run_slaved(self, velocity: Array, inverse_mass: Array, steps: int) -> tuple[Array, Array]:
@@ -290,7 +297,7 @@ class FineScale(ParticleSide):
         own, inverse_mass = self.interface, inverse_mass[self.interface]
         nodal = np.stack([np.zeros((len(own), 3)), velocity[own], self.nodal_acceleration])
         after = (self._saved, self.reaction, self._ghost_acceleration, self._previous, self._work)
-        self.run_loop(run_slaved, steps, (nodal, inverse_mass), after)
+        self.run_loop(run_slaved, steps, lambda: (nodal, inverse_mass, *self.across()), after)
         self.nodal_acceleration[:] = nodal[2]
         moved[own], reached[own] = nodal[0], nodal[1]
         return moved, reached
@@ -307,8 +314,8 @@ class FineScale(ParticleSide):
         self._prepare(steps)
         own = self.interface
         sums = np.empty((len(own), 3))
-        before = (self._tie, start[own], end[own], nodal[own])
-        self.run_loop(run_tied, steps, before, (self._shift, self._multiplier, sums, self._work))
+        before = self._tie, start[own], end[own], nodal[own]
+        self.run_loop(run_tied, steps, lambda: (*before, *self.across()), (self._shift, self._multiplier, sums, self._work))
         force[own] = sums
         return force
 

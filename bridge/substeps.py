@@ -246,9 +246,11 @@ def carry_ghosts(system, ghosts, nodes, h):
 
 @njit(**STEPS)
 def run_prescribed(
-    system, terms, linear, ghosts, acceleration, h, steps, first, pause, saved, reaction, previous, work
+    system, terms, linear, ghosts, acceleration, border, halo, h, steps, first, pause, saved, reaction, previous, work
 ):
     """Ghosts move with constant acceleration (Li & Wan 2010, eqs 25-26); `acceleration` is (g, 3).
+
+    `border`, `halo`: contacts with particles of other ranks and the way to them, None on one rank (here and below).
 
     `reaction` (g, 3) are the forces on the ghosts, N and N m; `previous` receives the accelerations before the last step.
     The loop also returns before the evaluation of substep `pause`.
@@ -256,10 +258,10 @@ def run_prescribed(
     if first < 0:
         _drift_massless(system, terms, ghosts, saved, acceleration, h)
     for j in range(max(first, 0), steps):
-        if j == pause or list_used_up(system, linear, None):
+        if j == pause or list_used_up(system, linear, halo):
             return j
-        forces(system, terms, linear, h, None, None)
-        end_forces(system, terms, linear, h, None, None)
+        forces(system, terms, linear, h, border, halo)
+        end_forces(system, terms, linear, h, halo, None)
         _save(system, ghosts, saved)
         _react(system, ghosts, saved, reaction, h, work)
         last = j == steps - 1
@@ -270,7 +272,7 @@ def run_prescribed(
 
 @njit(**OUTER)
 def run_slaved(
-    system, terms, linear, ghosts, nodal, inverse_mass, h, steps, first, saved, reaction, acceleration, previous, work
+    system, terms, linear, ghosts, nodal, inverse_mass, border, halo, h, steps, first, saved, reaction, acceleration, previous, work
 ):
     """Ghosts follow the interface nodes, which the ghosts' reactions move in every substep.
 
@@ -289,13 +291,14 @@ def run_slaved(
                 nodal[1, i, component] += 0.5 * h * nodal[2, i, component]
                 nodal[0, i, component] += h * nodal[1, i, component]
     for j in range(max(first, 0), steps):
-        if list_used_up(system, linear, None):
+        if list_used_up(system, linear, halo):
             return j
-        forces(system, terms, linear, h, None, None)
-        end_forces(system, terms, linear, h, None, None)
+        forces(system, terms, linear, h, border, halo)
+        end_forces(system, terms, linear, h, halo, None)
         _save(system, ghosts, saved)
         _react(system, ghosts, saved, reaction, h, work)
         _nodal_sum(ghosts, reaction, sums)
+        sum_together(halo, sums)
         last = j == steps - 1
         for i in range(nodal.shape[1]):
             for component in range(3):
@@ -311,7 +314,9 @@ def run_slaved(
 
 
 @njit(**OUTER)
-def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, first, shift, multiplier, nodal, work):
+def run_tied(
+    system, terms, linear, ghosts, tie, start, end, mesh, border, halo, h, steps, first, shift, multiplier, nodal, work
+):
     """Ghosts are particles; multipliers tie their velocities to N_g times the velocity that goes from `start` to `end`.
 
     `start`, `end` (interface nodes, 3) are the free coarse velocities at both ends of the coarse step. A part of what the
@@ -332,10 +337,10 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, fir
         drift(system, terms, h)
         _shift_ghosts(system, ghosts, shift, h)
     for j in range(max(first, 0), steps):
-        if list_used_up(system, linear, None):
+        if list_used_up(system, linear, halo):
             return j
-        forces(system, terms, linear, h, None, None)
-        end_forces(system, terms, linear, h, None, None)
+        forces(system, terms, linear, h, border, halo)
+        end_forces(system, terms, linear, h, halo, None)
         part = (j + 1.0) / steps
         nodal[:] = (1.0 - part) * start + part * end
         _at_ghosts(ghosts, nodal, residual)
@@ -348,6 +353,7 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, fir
                 free = half + 0.5 * h * pull / tie.damper
                 residual[k, component] = (free - residual[k, component]) * tie.stiffness[k, component]
         _nodal_sum(ghosts, residual, right)
+        sum_together(halo, right)
         for component in range(3):
             nodal[:, component] = tie.inverse[component] @ np.ascontiguousarray(right[:, component])
         _at_ghosts(ghosts, nodal, multiplier)
@@ -365,6 +371,7 @@ def run_tied(system, terms, linear, ghosts, tie, start, end, mesh, h, steps, fir
         else:
             kick_drift(system, terms, h)
     _nodal_sum(ghosts, multiplier, nodal)
+    sum_together(halo, nodal)
     return steps
 
 

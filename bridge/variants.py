@@ -65,7 +65,7 @@ class PaperVariant(Rule):
         self._displace(increment)
         if self.total_motion:
             predictor = velocity + self.step * acceleration
-            force = fine.force_of_total_motion(exchange.gather(body.displacement), exchange.gather(predictor))
+            force = fine.force_of_total_motion(exchange.gather(body.displacement), exchange.gather(predictor), self)
         else:
             force = fine.force()
         self._forces_on_nodes(force)

@@ -21,7 +21,7 @@ from particles import listing, stepping
 from particles.assembly import Assembly
 from particles.dispatch import Direct, compiled_seconds
 from particles.gathered import Gathered
-from particles.motion import FINISHED, Unstable
+from particles.motion import FINISHED, Unstable, done_with
 from particles.owners import LIMIT, PAIR, Owners
 from particles.parts import all_pairs, loaded, unload
 from particles.ranks import renew
@@ -37,7 +37,7 @@ llvm.load_library_permanently(MPI.__file__)  # the compiled loops call MPI by th
 CALLING = 15e4  # what lists and halos of all ranks cost beside the particles, in steps of a pair (`particles.listing.skin_scale`)
 
 
-_renew = Direct(renew)
+_renew, _done_with = Direct(renew), Direct(done_with)
 _ASSIGNED = [*range(VELOCITY, VELOCITY + 6), *range(LOAD, LOAD + 6), GIVEN, DRIVEN]  # columns of a body
 
 
@@ -185,13 +185,14 @@ class SharedAssembly(Gathered):
         self.ids, self._known = unload(part, arrived, self.count)
 
     def refresh(self) -> None:
-        """New lists, where a loop of the caller has found one used up on any rank; see `Assembly.refresh`.
+        """New lists where one is used up on any rank; see `Assembly.refresh`.
 
         Raises:
             Unstable: on every rank, when particles of any rank blow up.
         """
-        self._together(lambda: stepping.raise_runaway(self.part, self.part._step, ""))
-        self.rebuild()
+        if _done_with(self.part._system, self._halo):
+            self._together(lambda: stepping.raise_runaway(self.part, self.part._step, ""))
+            self.rebuild()
 
     @property
     def across(self) -> tuple[Any, Any]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from particles.assembly import Assembly
 
 
-evaluate, hold = Direct(motion.evaluate), Direct(hold_walls)
+evaluate, hold = Direct(motion.evaluate_with), Direct(hold_walls)
 _see_all = Direct(see_all)
 
 
@@ -279,32 +279,46 @@ class Before(NamedTuple):
     """Histories before the last evaluation and the displacements of the step that led to it."""
 
     history: np.ndarray  # (columns, pairs)
+    border_history: Any  # the same of contacts with particles of other ranks, None on one rank
     wall_history: Any  # None or (columns, listed)
     moved: np.ndarray  # (n, freedoms), row order, m and rad
 
 
+def before_evaluation(system: System, step: float, border: System | None = None) -> Before:
+    """What `trial_forces` needs to make the step of size `step` (s) that is under way again."""
+    walls = None if system.walls is None else system.walls.history.copy()
+    across = None if border is None else border.history.copy()
+    return Before(system.history.copy(), across, walls, step * rows_of(system.velocity, system.spin))
+
+
 def trial_forces(
-    system: System, terms: Terms, increment: np.ndarray, velocity: np.ndarray, before: Before | None = None
-) -> np.ndarray:
+    system: System, terms: Terms, increment: np.ndarray, velocity: np.ndarray, before: Before | None = None,
+    border: System | None = None, halo: Any = None,
+) -> np.ndarray:  # fmt: skip
     """Forces (n, freedoms) in row order at a displaced state; see `Assembly.trial_forces`.
 
     With `before` the last step is made again with the displacement `moved + increment`: with a zero increment the forces
-    are those of the last evaluation, slip and dashpots included.
+    are those of the last evaluation, slip and dashpots included. With `border` and `halo`, contacts with particles of other
+    ranks and the way to them, it is collective.
     """
     # one step of unit size: the row velocity is the displacement of the step, half the acceleration later it is that given
     moved = increment if before is None else before.moved + increment
-    changed: dict[str, Any] = {
-        "history": (system.history if before is None else before.history).copy(), "sums": np.zeros_like(system.sums),
-    }  # fmt: skip
+    count, room = len(increment), system if border is None else border  # the border's arrays begin with the own rows
+    long: dict[str, np.ndarray] = {}
     kinds = [("position", "velocity", "acceleration", "force")]
     kinds += [] if system.spin is None else [("rotation", "spin", "angular", "torque")]
     for k, (place, motion_of, change, force) in enumerate(kinds):
         part = slice(3 * k, 3 * k + 3)
         for name, values in ((place, increment), (motion_of, moved), (change, 2.0 * (velocity - moved))):
-            changed[name] = getattr(system, name).copy()
-            changed[name][:, :3] = values[:, part] + (changed[name][:, :3] if name == place else 0.0)
-        changed[force] = np.zeros_like(getattr(system, force))
-    trial = system._replace(**changed)
+            if getattr(room, name) is None:
+                continue
+            long[name] = getattr(room, name).copy()
+            long[name][:count, :3] = values[:, part] + (long[name][:count, :3] if name == place else 0.0)
+        long[force] = np.zeros_like(getattr(room, force))
+    trial = system._replace(**{name: rows[:count] for name, rows in long.items()})
+    trial = _without_trace(trial, system.history if before is None else before.history)
+    if border is not None:
+        border = _without_trace(border._replace(**long), border.history if before is None else before.border_history)
     if system.walls is not None:
         history = system.walls.history if before is None else before.wall_history
         walls = system.walls._replace(
@@ -313,8 +327,16 @@ def trial_forces(
         if before is None:
             hold(walls)
         trial = trial._replace(walls=walls)
-    evaluate(trial, terms, 1.0)
+    evaluate(trial, terms, 1.0, border, halo)
     return rows_of(trial.force, trial.torque)
+
+
+def _without_trace(system: System, history: np.ndarray) -> System:
+    """The same with histories, sums and log of its own, that an evaluation may write to."""
+    breaks = system.breaks
+    if breaks is not None:
+        breaks = breaks._replace(log=breaks.log.copy(), count=breaks.count.copy())
+    return system._replace(history=history.copy(), sums=np.zeros_like(system.sums), breaks=breaks)
 
 
 def rows_of(translations: np.ndarray, rotations: np.ndarray | None) -> np.ndarray:

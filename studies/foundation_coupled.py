@@ -1,7 +1,6 @@
 """The foundation of particles and continuum together: bridging scale and overlap.
 
-The continuum is spread over the ranks, and the particles of the overlap and of the bridging scale's default variant; with the other
-variants rank 0 holds them all.
+Continuum and particles are spread over the ranks.
 Every method is collective.
 """
 
@@ -224,6 +223,7 @@ class SharedBridgedFoundation(BridgedFoundation):
         return self._with_whole(super(BridgedFoundation, self).snapshot)
 
     def state(self) -> dict[str, Any]:
+        self.coupled.fine.collect(self._whole_fine)
         found = self._with_whole(super().state)
         if self.comm.rank == 0:
             found["own_sums"][1:] = 0.0  # every rank keeps the same
@@ -295,8 +295,8 @@ def particles_alone(p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WO
 
 
 def bridged(p: Parameters, stopwatch: Stopwatch, comm: Any = MPI.COMM_WORLD) -> BridgedFoundation:
-    """Particles and continuum; on several ranks the particles are spread where the variant can do so."""
-    return (SharedBridgedFoundation if comm.size > 1 and p.variant == "subcycling" else BridgedFoundation)(p, stopwatch, comm)
+    """Particles and continuum, on one rank or on all."""
+    return (BridgedFoundation if comm.size == 1 else SharedBridgedFoundation)(p, stopwatch, comm)
 
 
 MODELS: dict[str, Callable[..., Any]] = {

@@ -44,8 +44,10 @@ def test_contacts_on_the_outline_and_moving_sides_agree_too():
     compare("subcycling", **SQUARE)
 
 
+@pytest.mark.parametrize("variant", ["paper", "resync", "respa", "multiplier", "subcycling"])
 @pytest.mark.parametrize("options", [{}, SQUARE], ids=["turned", "square"])
-def test_particles_on_the_ranks_of_their_cells_agree_too(options):
+def test_particles_on_the_ranks_of_their_cells_agree_too(options, variant):
+    options = {**options, "variant": variant}
     coupled, layout = scene(**{**OPTIONS, **options}, comm=comm, everywhere=True)
 
     def particles():
@@ -59,7 +61,7 @@ def test_particles_on_the_ranks_of_their_cells_agree_too(options):
     shared.prepare(fine.step, mass_damping=coupled.mass_damping, gravity=body.gravity_acceleration)
     coupled.advance(40)
     moved = comm.bcast(shared.gather(shared.part.displacements))
-    check(results(coupled, comm, moved), run(MPI.COMM_SELF, "subcycling", **options))
+    check(results(coupled, comm, moved), run(MPI.COMM_SELF, **options))
 
 
 def compare(variant, **options):
