@@ -24,6 +24,13 @@ def _bonded_pair(axes, law, gap=0.0, motion=None, ends=(1.0, 1.0)):
     return soil
 
 
+def test_a_bond_that_breaks_in_a_trial_is_not_logged():
+    soil = _bonded_pair(2, replace(BONDED, tensile_strength=500.0), motion=(0.0, 0.0))
+    apart = np.array([[0.0, 0.0, 0.0], [6e-4, 8e-4, 0.0]])  # 1 mm along the line of centres, ten times what the bond bears
+    assert not soil.trial_forces(apart, np.zeros((2, 3))).any()
+    assert not len(soil.breaks) and len(soil.bonds) == 1
+
+
 @spaces
 @pytest.mark.parametrize("gap", [-2e-4, 0.0, 5e-4])
 def test_a_bond_in_tension_breaks_at_its_strength(axes, gap):
