@@ -1,7 +1,7 @@
 """A model of the cost of a step on several ranks, fitted to runs on one rank and on two; how far it says that ranks help.
 
-A step of the busiest rank takes  a n + m (n - n0) + c b + e h + l + r log2 P  with n particles, of which n0 fit into the caches, b
-listed contacts across borders, h rows of its halo, P ranks. Runs of several sizes, whose border is made longer by stripes that go to the two ranks in turn, tell the numbers
+A step of the busiest rank takes  a n + m (n - n0 / k) + c b + e h + l + r log2 P  with n particles, b listed contacts across borders, h
+rows of its halo, P ranks; n0 particles fit into the cache that the k ranks of a machine share, m is what one beyond it costs more. Runs of several sizes, whose border is made longer by stripes that go to the two ranks in turn, tell the numbers
 apart: a, m, n0 and c from the time that ranks compute, e and l (packing, latency) from that of exchanges, r from sums over the ranks. A run
 that the fit has not seen is predicted and measured. What is said about more ranks than two stands on the model and on the
 latency and the width of a network that are given.
@@ -25,7 +25,7 @@ from benchmarks import ranks
 from particles.exchange import SharedAssembly
 
 STEPS, REPEATS = 10, 15  # the best of many short runs: the cores may be shared with other work
-SCENES = {"discs": (ranks.discs, (1, 2, 4), 3), "spheres": (ranks.spheres, (12, 17, 27), 23)}  # sizes of the fit, size to predict
+SCENES = {"discs": (ranks.discs, (1, 3, 4), 2), "spheres": (ranks.spheres, (12, 17, 27), 23)}  # sizes of the fit, size to predict
 STRIPES = (2, 4, 16)
 FACES = {"discs": 4, "spheres": 6}  # neighbours in the midst of many ranks
 NUMBERS = {"discs": 9, "spheres": 15}  # numbers a row in a message, with dashpots
@@ -53,7 +53,7 @@ def measured(make, stripes):
         if slowest < best["step"]:
             busy, exchange, agreement = found[:, :3].T / STEPS
             counts = dict(zip(("particles", "border", "halo"), found[:, 3:].max(axis=0).tolist()))
-            best = {"step": slowest, "busy": busy.max(), "exchange": exchange.min(), "agreement": agreement.min(), **counts}
+            best = {"step": slowest, "ranks": comm.size, "busy": busy.max(), "exchange": exchange.min(), "agreement": agreement.min(), **counts}
     return best
 
 
@@ -66,22 +66,28 @@ def fitted(runs):
 
     of = {name: np.array([run[name] for run in runs]) for name in runs[0]}
     two = of["halo"] > 0
+    totals = (of["particles"] * of["ranks"]).min(), (of["particles"] * of["ranks"]).max()
+
     def computing(cached):
-        beyond = np.maximum(of["particles"] - cached, 0.0)
+        beyond = np.maximum(of["particles"] - cached / of["ranks"], 0.0)
         found = fit(of["busy"], of["particles"], beyond, of["border"])
         error = found @ [of["particles"], beyond, of["border"]] / of["busy"] - 1.0
         return np.square(error).sum(), cached, found
 
-    _, cached, (a, m, c) = min((computing(size) for size in np.unique(of["particles"])[:-1]), key=lambda tried: tried[0])
+    _, cached, (a, m, c) = min((computing(size) for size in np.geomspace(*totals, 60)), key=lambda tried: tried[0])
     e, latency = fit(of["exchange"][two], of["halo"][two], np.ones(two.sum()))
     return {"a": a, "m": m, "c": c, "e": e, "l": latency, "r": float(of["agreement"][two].min()), "n0": cached}
 
 
-def predicted(model, particles, border, halo, ranks_of_all=2):
-    """Seconds of a step."""
-    stages = np.log2(ranks_of_all)
-    own = model["a"] * particles + model["m"] * max(0.0, particles - model["n0"])
-    return own + model["c"] * border + (model["e"] * halo + model["l"] if stages else 0.0) + model["r"] * stages
+def computed(model, particles, together):
+    """Seconds that a rank computes in a step if `together` ranks share the cache."""
+    return model["a"] * particles + model["m"] * max(0.0, particles - model["n0"] / together)
+
+
+def predicted(model, o):
+    """Seconds of a step of a run on one rank or two."""
+    own = computed(model, o["particles"], o["ranks"])
+    return own + (o["ranks"] > 1) * (model["c"] * o["border"] + model["e"] * o["halo"] + model["l"] + model["r"])
 
 
 def shares(kind, model, per_halo, latency, width):
@@ -95,7 +101,7 @@ def shares(kind, model, per_halo, latency, width):
             faces = min(FACES[kind], 2 * int(np.log2(count)) - 1)
             halo = per_halo["rows"] * side * faces
             ways = faces * latency + 8 * NUMBERS[kind] * halo / width
-            own = predicted(model, size, 0, 0, 1)
+            own = computed(model, size, os.cpu_count())
             rest = model["c"] * per_halo["border"] * halo + model["e"] * halo + ways + 2 * latency * np.log2(count)
             row.append(own / (own + rest))
         table[size] = row
@@ -128,13 +134,13 @@ def main():
     for kind, (_, sizes, unseen) in SCENES.items():
         runs = [run(kind, size, stripes) for size in sizes for stripes in (0, *STRIPES)]
         model = fitted(runs)
-        worst = max(abs(predicted(model, o["particles"], o["border"], o["halo"], 2 if o["halo"] else 1) / o["step"] - 1.0) for o in runs)
+        worst = max(abs(predicted(model, o) / o["step"] - 1.0) for o in runs)
         constants = ", ".join(f"{name} {1e9 * value:.3g} ns" for name, value in model.items() if name != "n0")
         print(f"{kind}: {constants}, n0 {model['n0']:.0f}; off by {worst:.0%} at most")
         checks = []
         for stripes in (0, 2, 16):
             o = run(kind, unseen, stripes)
-            said = predicted(model, o["particles"], o["border"], o["halo"], 2 if stripes else 1)
+            said = predicted(model, o)
             checks.append(o | {"stripes": stripes, "predicted": said})
             print(
                 f"  {o['particles']:.0f} a rank, halo {o['halo']:.0f}: measured {1e3 * o['step']:.3f} ms, predicted {1e3 * said:.3f} ms",

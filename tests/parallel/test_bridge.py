@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from bridge.ranks import spread
+from bridge.variants import VARIANTS
 from particles.exchange import SharedAssembly
 from tests.bridge.scenes import GRANULAR, scene
 
@@ -33,7 +34,7 @@ def results(coupled, communicator, particles):
     return nodes, particles, coupled.energies(), coupled.mismatch()
 
 
-@pytest.mark.parametrize("variant", ["paper", "resync", "respa", "multiplier", "subcycling"])
+@pytest.mark.parametrize("variant", VARIANTS)
 def test_ranks_agree_with_one_rank(variant):
     """Sums over ranks change the order of additions only: 1e-9 of the largest displacement after 40 coarse steps."""
     compare(variant)
@@ -44,9 +45,8 @@ def test_contacts_on_the_outline_and_moving_sides_agree_too():
     compare("subcycling", **SQUARE)
 
 
-@pytest.mark.parametrize("variant", ["paper", "resync", "respa", "multiplier", "subcycling"])
-@pytest.mark.parametrize("options", [{}, SQUARE], ids=["turned", "square"])
-def test_particles_on_the_ranks_of_their_cells_agree_too(options, variant):
+@pytest.mark.parametrize("variant, options", [*((name, {}) for name in VARIANTS), ("subcycling", SQUARE)])
+def test_particles_on_the_ranks_of_their_cells_agree_too(variant, options):
     options = {**options, "variant": variant}
     coupled, layout = scene(**{**OPTIONS, **options}, comm=comm, everywhere=True)
 
