@@ -10,7 +10,7 @@ import numpy as np
 
 from particles.crew import Crew, crew
 from particles.dispatch import Direct
-from particles.lattice import geometry, motion
+from particles.lattice import blocks, geometry, motion
 from particles.lattice.arrangement import arrange, needed
 from particles.lattice.driving import Driving, History, Where, face_area, lysmer, rows_of
 from particles.lattice.material import LatticeMaterial
@@ -85,8 +85,10 @@ class Lattice:
         self._terms = self._constants(plane, local_damping)
         volume = self.spacing**3 if self.axes == 3 else 0.5 * math.sqrt(3.0) * self.spacing**2
         self._masses = np.array([one.density * volume for one in self.materials])
+        layers = self._layers(layer)
+        self._mass = self._masses[layers]
         near = geometry.neighbours(self.places, axes, geometry.directions(self.axes), self.periodic)
-        self._state = self._make_state(near, self._layers(layer), force == "variational", corotational)
+        self._state = self._make_state(near, layers, force == "variational", corotational)
         self.time = 0.0
         self.critical_step = self._critical_step()
         self.step = SAFETY * self.critical_step / math.sqrt(1.0 + local_damping) if step is None else float(step)
@@ -119,15 +121,21 @@ class Lattice:
 
     def _make_state(self, near: np.ndarray, material: np.ndarray, variational: bool, corotational: bool) -> State:
         n = len(near)
+        plain = self.axes == 3 and not variational and not corotational
+        stretch_of, stretch, onward = blocks.stretches(near, material, plain)
+        room = n // blocks.WIDTH + len(stretch)
         return State(
             displacement=np.zeros((3, n)), velocity=np.zeros((3, n)), force=np.zeros((3, n)), lightness=1.0 / self._masses[material], strain=np.zeros((6, n)),
             moment=np.zeros((6, n)) if variational else None,
             rotation=np.repeat(np.eye(3).reshape(9, 1), n, axis=1) if corotational else None, near=near, bonds=np.zeros(near.shape, dtype=np.uint8),
-            follows=geometry.follows(near), material=material, strain_kind=np.zeros(n, dtype=np.uint8),
-            force_kind=np.zeros(n, dtype=np.uint8), moving=np.zeros(n, dtype=np.uint8), cluster=np.zeros((n, 9)),
-            strain_runs=np.zeros((n, 2), dtype=np.int32), strain_special=np.zeros(n, dtype=np.int32),
-            force_runs=np.zeros((n, 2), dtype=np.int32), force_special=np.zeros(n, dtype=np.int32),
-            moving_runs=np.zeros((n, 2), dtype=np.int32), counts=np.zeros(5, dtype=np.int64), sums=np.zeros(SUMS),
+            mask=np.zeros(n, dtype=np.int64), follows=geometry.follows(near), material=material, strain_kind=np.zeros(n, dtype=np.uint8),
+            force_kind=np.zeros(n, dtype=np.uint8), moving=np.zeros(n, dtype=np.uint8), cluster=np.zeros((9, n)),
+            stretch_of=stretch_of, stretch=stretch, onward=onward,
+            strain_runs=np.zeros((n, 2), dtype=np.int32), strain_blocks=np.zeros((room, 2), dtype=np.int32),
+            strain_special=np.zeros(n, dtype=np.int32), force_runs=np.zeros((n, 2), dtype=np.int32),
+            force_blocks=np.zeros((room, 2), dtype=np.int32), force_special=np.zeros(n, dtype=np.int32),
+            moving_runs=np.zeros((n, 2), dtype=np.int32), awake=np.zeros((n, 2), dtype=np.int32), reached=np.zeros(room),
+            counts=np.zeros(8, dtype=np.int64), sums=np.zeros(SUMS),
         )  # fmt: skip
 
     def _critical_step(self) -> float:
@@ -186,7 +194,7 @@ class Lattice:
     @property
     def mass(self) -> np.ndarray:
         """(n,) in kg."""
-        return self._masses[self._state.material]
+        return self._mass
 
     @property
     def layer(self) -> np.ndarray:

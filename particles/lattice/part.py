@@ -23,7 +23,8 @@ MOTION = {"displacement": 3, "velocity": 3, "force": 3, "strain": 6}  # arrays t
 SECONDS = ("stepping", "exchange", "agreement")
 _kick, _feel, _act = Direct(motion.kick_points), Direct(motion.feel), Direct(motion.act_on)
 _failing, _break_all = Direct(breaking.failing), Direct(breaking.break_all)
-cut_all = Direct(breaking.cut_all)
+touched, cut_all = Direct(breaking.touched), Direct(breaking.cut_all)
+
 
 
 def owners(state: State, free: np.ndarray, along: np.ndarray, ranks: int) -> np.ndarray:
@@ -137,10 +138,9 @@ class Part:
             return
         broken = np.concatenate(self.comm.allgather(found))
         broken = np.ascontiguousarray(broken[np.lexsort(broken.T[::-1])])
-        ends = np.unique(np.concatenate((broken[:, 0], state.near[broken[:, 0], broken[:, 1]])))
-        around = np.unique(np.concatenate((ends, state.near[ends].ravel())))
+        ends, around = touched(state, broken)
         before = state.force.copy()
-        state.sums[BREAKING] += _break_all(state, terms, broken, ends, around[around >= 0], self._asked)
+        state.sums[BREAKING] += _break_all(state, terms, broken, ends, around, self._asked)
         state.sums[BROKEN_BONDS] += len(found)
         _feel(state, terms)
         change = (before - state.force) * ~self._others
@@ -199,4 +199,4 @@ class Parts:
             first += components
         state.sums[:] += sums[:SUMS]
         if len(broken):
-            cut_all(state, self._whole._terms, broken)
+            cut_all(state, self._whole._terms, broken, touched(state, broken)[0])
