@@ -68,15 +68,18 @@ class Probe:
         place: "centre" or "particles".
         per_element: cells of the raster along each axis of an element (axes,).
         size: of an element, m (axes,).
+        fold: see `bridge.manifold.grid`; by default all corners are distinct.
     """
 
-    def __init__(self, place: str, per_element: np.ndarray, size: np.ndarray) -> None:
+    def __init__(self, place: str, per_element: np.ndarray, size: np.ndarray, fold: np.ndarray | None = None) -> None:
         if place not in PLACES:
             raise ValueError(f'strain_at="{place}" must be "{PLACES[0]}" or "{PLACES[1]}"')
         outer = 0.5 / per_element
         ends = [np.unique((end, 1.0 - end)) for end in (outer if place == "particles" else np.full(len(size), 0.5))]
         points = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(size))
         self._matrices = bricks.strain_matrix(points, size)  # (points, 6, dofs)
+        if fold is not None:
+            self._matrices = self._matrices @ np.kron(fold, np.eye(len(size)))
 
     def strains(self, nodes: steps.Nodes, elements: steps.Elements, chosen: np.ndarray) -> np.ndarray:
         """Strains (points, chosen, 6) of some elements."""

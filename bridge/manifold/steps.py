@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from bridge.manifold.inertia import SUMMED, spread
+from bridge.manifold.inertia import spread
 from particles.lattice import motion
 from particles.lattice.general import shear_of, stiffness_of
+from particles.lattice.lanes import WIDTH, even, load, store
 from particles.lattice.state import BROKEN, EXPLICIT, NONE
 from particles.system import KERNEL, OUTER, STEPS
 
@@ -30,17 +31,17 @@ class Elements(NamedTuple):
     """Elements that are there, by type of stiffness, and the particles that they carry."""
 
     axes: Any  # 0, 1, 2 in space; 0, 1 in the plane: loops over tuples are unrolled
-    corners: Any  # 0 to 7, 0 to 3
+    corners: Any  # 0 to 7, 0 to 3; those that are distinct (see `bridge.manifold.grid`)
     node: Any  # (elements, corners) int32
     kind: Any  # (elements,) int32
-    stiffness: Any  # (kinds, dofs, dofs), N/m, dofs = corners x axes
+    stiffness: Any  # (kinds, dofs, dofs or more), N/m, dofs = corners x axes; whole vectors a line
     active: Any  # (active,) int32 elements
     carried: Any  # (carried,) int32 rows of the lattice
     carrier: Any  # (carried,) int32 element of each
     slot: Any  # (carried,) int32 place in it
     shape: Any  # (slots, corners) shape functions of the places
     gradient: Any  # (slots, corners, axes) their gradients, 1/m
-    room: Any  # (dofs,)
+    room: Any  # (3 vectors,)
     inertia: Any  # None (lumped mass) or Inertia
 
 
@@ -59,9 +60,9 @@ def carry(state, nodes, elements):
             state.velocity[a, i] = v
 
 
-@njit(**SUMMED)
+@njit(**KERNEL)
 def element_forces(nodes, elements):
-    """Nodal forces - K u of all elements, written into `force`; all rows of a corner at a time, each a sum of vectors."""
+    """Nodal forces - K u of all elements, written into `force`, as sums of lines of K, which is symmetric."""
     f, u, moved = nodes.force, nodes.displacement, elements.room
     axes, corners = len(elements.axes), len(elements.corners)
     for a in range(3):
@@ -73,17 +74,21 @@ def element_forces(nodes, elements):
         for c in range(corners):
             for a in range(axes):
                 moved[axes * c + a] = u[a, elements.node[e, c]]
+        first = second = third = even(0.0)
+        for r in range(axes * corners):
+            line, by = matrix[r], moved[r]
+            first = first + load(line, 0) * by
+            if axes * corners > WIDTH:
+                second = second + load(line, WIDTH) * by
+            if axes * corners > 2 * WIDTH:
+                third = third + load(line, 2 * WIDTH) * by
+        store(moved, 0, first)
+        store(moved, WIDTH, second)
+        store(moved, 2 * WIDTH, third)
         for c in range(corners):
-            x = y = z = 0.0
-            for r in range(axes * corners):
-                x += matrix[axes * c, r] * moved[r]
-                y += matrix[axes * c + 1, r] * moved[r]
-                if axes == 3:
-                    z += matrix[axes * c + 2, r] * moved[r]
             node = elements.node[e, c]
-            f[0, node] -= x
-            f[1, node] -= y
-            f[2, node] -= z
+            for a in range(axes):
+                f[a, node] -= moved[axes * c + a]
 
 
 @njit(**KERNEL)
