@@ -28,13 +28,24 @@ from particles.lattice.driving import Driving, History, Where, rows_of
 from particles.lattice.lanes import WIDTH
 from particles.lattice.lattice import ahead
 from particles.lattice.part import Parts
-from particles.lattice.state import ABSORBED, BREAKING, BROKEN_BONDS, DAMPING, EXTERNAL, HELD, MOVING_RUNS, SUMS, Drive
+from particles.lattice.state import (
+    ABSORBED,
+    BREAKING,
+    BROKEN_BONDS,
+    DAMPING,
+    EXCESS,
+    EXTERNAL,
+    HELD,
+    MOVING_RUNS,
+    SUMS,
+    Drive,
+)
 
 SAFETY = 0.8
 LOST = ("release_kinetic", "release_strain", "recoarsen_kinetic", "recoarsen_strain")  # energies that changes of elements lose
 CHUNK = 50  # steps between two looks for blow-up
 
-_advance, _evaluate, _elastic = Direct(steps.advance), Direct(steps.evaluate), Direct(steps.elastic)
+_advance, _elastic = Direct(steps.advance), Direct(steps.elastic)
 _heavier = Direct(heavier)
 
 
@@ -112,10 +123,11 @@ class Manifold:
         n = len(self.node_reference)
         self._nodes = steps.Nodes(
             np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n)), np.zeros(n), np.zeros((n, 2), dtype=np.int32),
-            np.zeros(8, dtype=np.int64), np.zeros(SUMS),
+            np.zeros(8, dtype=np.int64), np.zeros(SUMS), np.zeros((2, 3, n if lattice._state.acting.size else 0)),
         )  # fmt: skip
         self.time, self.released, self.release_log = 0.0, 0, [(0.0, 0)]
         self.first_released: np.ndarray = np.empty(0, dtype=np.int64)  # elements of the first release
+        self.unseen = 0  # steps since the last look at the criterion
         self._lost = dict.fromkeys(LOST, 0.0)
         self.node_mass = np.zeros(n)
         whole = np.flatnonzero(self.kind != PARTICLES)
@@ -329,12 +341,14 @@ class Manifold:
         lattice = self.lattice
         while step_count > 0:
             self.prepare()
-            now = min(step_count, CHUNK if self.criterion is None else self.check_every)
+            now = min(step_count, CHUNK if self.criterion is None else self.check_every - self.unseen)
             self._steps(lattice.driving.drive(self.time, self.step, now), self._nodal.drive(self.time, self.step, now), now)
             self.time += now * self.step
             lattice.time = self.time
             step_count -= now
-            wanted = self.overstrained()
+            self.unseen += now
+            wanted = self.overstrained() if self.unseen >= self.check_every else np.empty(0, dtype=np.int64)
+            self.unseen %= self.check_every
             look = self.recoarsener is not None and self.recoarsener.is_due(now)
             if self._parts is not None and (step_count == 0 or len(wanted) or look):
                 self._parts.take_over(self._parts.order("collect"))
@@ -390,9 +404,9 @@ class Manifold:
         lattice, h = self.lattice, self.step
         self._parts = None
         self._arrange_driving()
-        _evaluate(
+        _advance(
             lattice._state, lattice._terms, self._nodes, self._elements, lattice.driving.drive(self.time - h, h, 1),
-            self._nodal.drive(self.time - h, h, 1), 0, h, 0.0,
+            self._nodal.drive(self.time - h, h, 1), 0, h,
         )  # fmt: skip
         self._ready = lattice._ready = True
 
@@ -411,7 +425,7 @@ class Manifold:
             kinetic, middle = kinetic + more[0], middle + more[1]
         sums = state.sums + nodes.sums
         lost = sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] + sum(self._lost.values())
-        return kinetic, elastic, middle + lost - sums[EXTERNAL] - sums[HELD]
+        return kinetic, elastic, middle + lost - sums[EXTERNAL] - sums[HELD] - sums[EXCESS]
 
     def _heavier(self) -> tuple[float, float]:
         nodes, drive = self._nodes, self._nodal.drive(self.time, self.step, 1)
@@ -425,7 +439,7 @@ class Manifold:
         sums = self.lattice._state.sums + self._nodes.sums
         return {
             "kinetic": kinetic, "elastic": elastic, "breaking": float(sums[BREAKING]), "local_damping": float(sums[DAMPING]),
-            "absorbed": float(sums[ABSORBED]), "external_work": float(sums[EXTERNAL]), "held_work": float(sums[HELD]),
+            "absorbed": float(sums[ABSORBED]), "excess_work": float(sums[EXCESS]), "external_work": float(sums[EXTERNAL]), "held_work": float(sums[HELD]),
             "broken_bonds": float(sums[BROKEN_BONDS]), **self._lost, "balance": account - self._base,
         }  # fmt: skip
 

@@ -41,8 +41,16 @@ def bond_limits(material: LatticeMaterial, spacing: float, reduction: float = 0.
     normal_limit, shear_limit = material.limits
     arms = geometry.vectors(axes, spacing)[::2]
     units = arms / np.linalg.norm(arms, axis=1, keepdims=True)
+    longest = float(np.linalg.norm(arms, axis=1).max())
+    least = (reduction * min(normal_limit, shear_limit) / longest) ** 2
 
     def near(strain: np.ndarray) -> np.ndarray:
+        strong = strain**2 @ (1.0, 1.0, 1.0, 2.0, 2.0, 2.0) > least  # no bond deforms by more than its length times |strain|
+        found = np.zeros(len(strain), dtype=bool)
+        found[strong] = reached(strain[strong])
+        return found
+
+    def reached(strain: np.ndarray) -> np.ndarray:
         moved = strain[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]] @ arms.T  # (k, 3, bonds)
         along = np.einsum("kab,ba->kb", moved, units)
         across = np.sqrt(np.maximum(np.einsum("kab,kab->kb", moved, moved) - along**2, 0.0))

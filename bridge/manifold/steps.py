@@ -11,7 +11,7 @@ from bridge.manifold.inertia import spread
 from particles.lattice import motion
 from particles.lattice.general import shear_of, stiffness_of
 from particles.lattice.lanes import WIDTH, even, load, store
-from particles.lattice.state import BROKEN, EXPLICIT, NONE
+from particles.lattice.state import BROKEN, EXCESS, EXPLICIT, NONE
 from particles.system import KERNEL, OUTER, STEPS
 
 
@@ -25,6 +25,7 @@ class Nodes(NamedTuple):
     moving_runs: Any  # (runs, 2) int32
     counts: Any  # (5,) int64
     sums: Any  # energy sums, J
+    couples: Any  # (2, 3, nodes) where excess work is booked, else (2, 3, 0): forces of `couples` before and now, N
 
 
 class Elements(NamedTuple):
@@ -118,14 +119,40 @@ def act(nodes, elements, inertia, damping, drive, s, h, booked):
 
 @njit(**KERNEL)
 def hand_over_without_couples(state, terms, moment, nodes, elements):
-    """Hand forces over, less the couples that bonds with a shear force of their own leave on carried particles.
+    """Hand forces over, less the couples that bonds with a shear force of their own leave on carried particles."""
+    hand_over(state, moment, nodes, elements)
+    couples(state, terms, moment, elements, nodes.force)
+
+
+@njit(**KERNEL)
+def _hand_over_booked(state, terms, moment, nodes, elements, half, booked):
+    """The same; the work of the couples since the last evaluation is excess work, where this is booked."""
+    if nodes.couples.size == 0:
+        hand_over_without_couples(state, terms, moment, nodes, elements)
+        return
+    hand_over(state, moment, nodes, elements)
+    power, before, now = 0.0, nodes.couples[0], nodes.couples[1]
+    for a in range(3):
+        for i in range(now.shape[1]):
+            now[a, i] = 0.0
+    couples(state, terms, moment, elements, now)
+    for a in range(3):
+        for i in range(now.shape[1]):
+            power += nodes.velocity[a, i] * (before[a, i] + now[a, i])
+            nodes.force[a, i] += now[a, i]
+            before[a, i] = now[a, i]
+    state.sums[EXCESS] += booked * half * power
+
+
+@njit(**KERNEL)
+def couples(state, terms, moment, elements, force):
+    """Take couples away from carried particles, as forces that are added to `force` (3, nodes).
 
     A published shear force is across its bond: half of the couple X x F acts on each end. In a lattice those of all bonds of a particle
     cancel in uniform strain. What an element holds of the bonds of a carried particle has no couple; so those of the others, C, have
     none to cancel and are taken away by nodal forces 1/2 C x grad N, which have no resultant. `moment`: of the variational form, None
     for the published one.
     """
-    hand_over(state, moment, nodes, elements)
     if moment is None:
         for q in range(len(elements.carried)):
             i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
@@ -134,12 +161,12 @@ def hand_over_without_couples(state, terms, moment, nodes, elements):
             x, y, z = couple_of(state, terms, i)
             for c in range(len(elements.corners)):
                 node, by = elements.node[e, c], elements.gradient[slot, c]
-                nodes.force[0, node] -= 0.5 * z * by[1]
-                nodes.force[1, node] += 0.5 * z * by[0]
+                force[0, node] -= 0.5 * z * by[1]
+                force[1, node] += 0.5 * z * by[0]
                 if len(elements.axes) == 3:
-                    nodes.force[0, node] += 0.5 * y * by[2]
-                    nodes.force[1, node] -= 0.5 * x * by[2]
-                    nodes.force[2, node] += 0.5 * (x * by[1] - y * by[0])
+                    force[0, node] += 0.5 * y * by[2]
+                    force[1, node] -= 0.5 * x * by[2]
+                    force[2, node] += 0.5 * (x * by[1] - y * by[0])
 
 
 @njit(**KERNEL)
@@ -163,23 +190,24 @@ def evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, booked):
     carry(state, nodes, elements)
     motion.forces(state, terms, h, booked)
     element_forces(nodes, elements)
-    hand_over_without_couples(state, terms, state.moment, nodes, elements)
+    _hand_over_booked(state, terms, state.moment, nodes, elements, 0.5 * h, booked)
     motion.act(state, terms.damping, drive, s, h, booked)
     act(nodes, elements, elements.inertia, terms.damping, nodal_drive, s, h, booked)
 
 
 @njit(**OUTER)
 def advance(state, terms, nodes, elements, drive, nodal_drive, steps, h):
-    """Whole steps of particles and nodes together, from and to displacements, velocities and forces of one time."""
-    motion.kick(state, 0.5 * h, h)
-    motion.kick(nodes, 0.5 * h, h)
-    for s in range(steps):
-        evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, 1.0)
+    """Whole steps of particles and nodes together, as `particles.lattice.motion.advance`."""
+    booked = 1.0 if steps else 0.0
+    motion.kick(state, booked * 0.5 * h, booked * h)
+    motion.kick(nodes, booked * 0.5 * h, booked * h)
+    for s in range(max(steps, 1)):
+        evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, booked)
         if s < steps - 1:
             motion.kick(state, h, h)
             motion.kick(nodes, h, h)
-    motion.kick(state, 0.5 * h, 0.0)
-    motion.kick(nodes, 0.5 * h, 0.0)
+    motion.kick(state, booked * 0.5 * h, 0.0)
+    motion.kick(nodes, booked * 0.5 * h, 0.0)
     carry(state, nodes, elements)
 
 

@@ -85,8 +85,8 @@ def list_blocks(kind, number, stretch, first, last, blocks, rows, found, others)
     Args:
         kind: (n,) uint8 of the rows.
         number, stretch: see `stretches`.
-        blocks: (room, 2) int32 first row and number of the stretch; written from `found` on.
-        rows: (n,) int32 special rows in no block; written from `others` on.
+        blocks: (room, 2) int64 first row and number of the stretch; written from `found` on.
+        rows: (n,) int64 special rows in no block; written from `others` on.
 
     Returns:
         How many blocks and rows there are.

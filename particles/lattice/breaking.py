@@ -206,7 +206,7 @@ def _counted(mask, counted):
 
 
 @njit(**KERNEL)
-def forces_anew(state, terms, rows):
+def forces_anew(state, terms, limits, rows):
     """Forces of rows (in order), and of others in their blocks, by their own bonds; returns the sum of v.(F before - F) of the rows (W)."""
     power, done = _power(state, rows), 0
     for i in rows:
@@ -216,7 +216,7 @@ def forces_anew(state, terms, rows):
         if number >= 0 and i + WIDTH <= state.stretch[number, 1]:
             done = i + WIDTH
             force_masked(
-                i, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, None, state.material[i],
+                i, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, limits, state.material[i],
                 state.displacement, state.strain, state.force,
             )  # fmt: skip
         else:

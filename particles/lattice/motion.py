@@ -24,6 +24,7 @@ from particles.lattice.state import (
     BREAKING,
     BROKEN_BONDS,
     DAMPING,
+    EXCESS,
     EXTERNAL,
     FORCE_BLOCKS,
     FORCE_RUNS,
@@ -196,26 +197,57 @@ def forces(state, terms, h, booked):
     """
     strains(state, terms, terms.plane)
     bond_forces(state, terms, state.moment, terms.plane, terms.limits)
-    _break(state, terms, state.moment, terms.limits, 0.5 * booked * h)
+    _audit(state, terms, 0.5 * h, booked)
+    lost = _break(state, terms, state.moment, terms.limits, 0.5 * booked * h)
+    _keep(state, lost)
+
+
+@njit(**KERNEL)
+def _audit(state, terms, half, booked):
+    """Book what the bonds have done since the last evaluation, (F before + F) u / 2, beyond the loss of their energy; keep that of now."""
+    if state.acting.size == 0:
+        return
+    v, f, acting = state.velocity, state.force, state.acting
+    energy, power = elastic_energy(state, terms), 0.0
+    for q in range(state.counts[AWAKE]):
+        for i in range(state.awake[q, 0], state.awake[q, 1]):
+            for a in range(3):
+                power += v[a, i] * (acting[a, i] + f[a, i])
+    state.sums[EXCESS] += booked * (energy - state.stored[0] + half * power)
+    state.stored[0] = energy
+
+
+@njit(**KERNEL)
+def _keep(state, lost):
+    """Keep the forces of the bonds for the next `_audit`, and their energy less what those have lost that broke (J)."""
+    if state.acting.size == 0:
+        return
+    state.stored[0] -= lost
+    for q in range(state.counts[AWAKE]):
+        for a in range(3):
+            for i in range(state.awake[q, 0], state.awake[q, 1]):
+                state.acting[a, i] = state.force[a, i]
 
 
 @njit(**OUTER)
 def _break(state, terms, moment, limits, by):
-    """Break what fails, with the forces without it; its power for a time `by` (s) is booked."""
+    """Break what fails, with the forces without it, whose power for a time `by` (s) is booked; the energy that is lost (J)."""
     if limits is None:
-        return
+        return 0.0
     broken = failing(state, terms, limits, None)
     if len(broken) == 0:
-        return
+        return 0.0
     ends, around = touched(state, broken)
-    state.sums[BREAKING] += break_all(state, terms, broken, ends, around, None)
+    lost = break_all(state, terms, broken, ends, around, None)
+    state.sums[BREAKING] += lost
     state.sums[BROKEN_BONDS] += len(broken)
     if moment is None:
-        state.sums[BREAKING] += by * forces_anew(state, terms, around)
+        state.sums[BREAKING] += by * forces_anew(state, terms, limits, around)
     else:
         before = state.force.copy()
         variational_forces(state, terms, moment)
         state.sums[BREAKING] += by * (state.velocity * (before - state.force)).sum()
+    return lost
 
 
 @njit(**OUTER)
@@ -246,13 +278,14 @@ def act_on(points, terms, drive, s, h):
 
 @njit(**OUTER)
 def advance(state, terms, drive, steps, h):
-    """Whole steps, from and to a state with displacements, velocities and forces of one time."""
-    kick(state, 0.5 * h, h)
-    for s in range(steps):
-        evaluate(state, terms, drive, s, h, 1.0)
+    """Whole steps, from and to a state with displacements, velocities and forces of one time; with none, the forces of now alone."""
+    booked = 1.0 if steps else 0.0
+    kick(state, booked * 0.5 * h, booked * h)
+    for s in range(max(steps, 1)):
+        evaluate(state, terms, drive, s, h, booked)
         if s < steps - 1:
             kick(state, h, h)
-    kick(state, 0.5 * h, 0.0)
+    kick(state, booked * 0.5 * h, 0.0)
 
 
 @njit(**KERNEL)
@@ -299,12 +332,13 @@ def ahead(points, total, h):
 
 @njit(**STEADY_STEPS)
 def fastest(state):
-    """Largest velocity component (m/s); infinite where any is not finite."""
+    """Largest velocity component (m/s) of rows with strains or forces; infinite where any is not finite."""
     most = 0.0
-    for a in range(3):
-        for i in range(state.velocity.shape[1]):
-            if not abs(state.velocity[a, i]) <= most:
-                most = abs(state.velocity[a, i])
-                if not most <= 1e300:
-                    return math.inf
+    for q in range(state.counts[AWAKE]):
+        for a in range(3):
+            for i in range(state.awake[q, 0], state.awake[q, 1]):
+                if not abs(state.velocity[a, i]) <= most:
+                    most = abs(state.velocity[a, i])
+                    if not most <= 1e300:
+                        return math.inf
     return most

@@ -18,7 +18,7 @@ from particles.lattice import breaking, motion
 from particles.lattice.arrangement import arrange, needed
 from particles.lattice.state import BREAKING, BROKEN_BONDS, SPECIAL, SUMS, Drive, State, Terms
 
-IRREGULAR = 8  # work of a row in no run, in rows of one
+IRREGULAR = 8  # work of a row in neither run nor block, in rows of one
 MOTION = {"displacement": 3, "velocity": 3, "force": 3, "strain": 6}  # arrays that rank 0 takes over, and their components
 SECONDS = ("stepping", "exchange", "agreement")
 _kick, _feel, _act = Direct(motion.kick_points), Direct(motion.feel), Direct(motion.act_on)
@@ -35,7 +35,8 @@ def owners(state: State, free: np.ndarray, along: np.ndarray, ranks: int) -> np.
         along: (n,) place along the axis.
     """
     _, plane = np.unique(np.round(along - along.min(), 12), return_inverse=True)
-    work = np.bincount(plane, free * np.where(state.force_kind == SPECIAL, IRREGULAR, 1))
+    alone = (state.force_kind == SPECIAL) & (state.stretch_of < 0)
+    work = np.bincount(plane, free * np.where(alone, IRREGULAR, 1))
     middle = np.cumsum(work) - 0.5 * work
     return np.minimum(ranks * middle / max(1.0, work.sum()), ranks - 1).astype(np.int64)[plane]
 

@@ -13,8 +13,8 @@ JOINED_BIT, INTACT_BIT, BROKEN_BIT = 0, 18, 36
 # Lists of rows: entries of `State.counts`
 STRAIN_RUNS, STRAIN_BLOCKS, STRAIN_SPECIAL, FORCE_RUNS, FORCE_BLOCKS, FORCE_SPECIAL, MOVING_RUNS, AWAKE = range(8)
 # Entries of `State.sums` (J), the last a number of bonds
-EXTERNAL, HELD, ABSORBED, DAMPING, BREAKING, BROKEN_BONDS = range(6)
-SUMS = 6
+EXTERNAL, HELD, ABSORBED, DAMPING, BREAKING, EXCESS, BROKEN_BONDS = range(7)
+SUMS = 7
 
 
 class State(NamedTuple):
@@ -27,6 +27,8 @@ class State(NamedTuple):
     strain: Any  # (6, n) xx, yy, zz, yz, xz, xy
     moment: Any  # None (pairwise) or (6, n): shear energy's derivative by the strain, J
     rotation: Any  # None (small rotations) or (9, n): rotation of the neighbourhood, by rows
+    acting: Any  # (3, n) to book excess work, else (3, 0): forces of the bonds at the last evaluation, N
+    stored: Any  # (1,) their energy, J
     near: Any  # (n, directions) int32, -1 where there is no neighbour
     bonds: Any  # (n, directions) uint8
     mask: Any  # (n,) int64: the same as bits
@@ -40,13 +42,13 @@ class State(NamedTuple):
     stretch: Any  # (stretches, 2) int32: first row, and the one after the last
     onward: Any  # (stretches, directions) int32: how many rows on the neighbours lie
     strain_runs: Any  # (n, 2) int32: first row and number of rows
-    strain_blocks: Any  # (room, 2) int32: first row and stretch
-    strain_special: Any  # (n,) int32: special rows in no block
+    strain_blocks: Any  # (room, 2) int64: first row and stretch
+    strain_special: Any  # (n,) int64: special rows in no block
     force_runs: Any  # (n, 2) int32
-    force_blocks: Any  # (room, 2) int32
-    force_special: Any  # (n,) int32
+    force_blocks: Any  # (room, 2) int64
+    force_special: Any  # (n,) int64
     moving_runs: Any  # (n, 2) int32
-    awake: Any  # (n, 2) int32: first row and the one after the last, of all that have strains or forces
+    awake: Any  # (n, 2) int64: first row and the one after the last, of all that have strains or forces
     reached: Any  # (room,): largest share of their limits that bonds of each force block had reached at the last evaluation
     counts: Any  # (8,) int64: how many of them there are
     sums: Any  # (SUMS,)
