@@ -25,15 +25,27 @@ from continuum import bricks
 from particles.dispatch import Direct
 from particles.lattice import Lattice
 from particles.lattice.driving import Driving, History, Where, rows_of
+from particles.lattice.lanes import WIDTH
 from particles.lattice.lattice import ahead
 from particles.lattice.part import Parts
-from particles.lattice.state import ABSORBED, BREAKING, BROKEN_BONDS, DAMPING, EXTERNAL, HELD, MOVING_RUNS, SUMS, Drive
+from particles.lattice.state import (
+    ABSORBED,
+    BREAKING,
+    BROKEN_BONDS,
+    DAMPING,
+    EXCESS,
+    EXTERNAL,
+    HELD,
+    MOVING_RUNS,
+    SUMS,
+    Drive,
+)
 
 SAFETY = 0.8
 LOST = ("release_kinetic", "release_strain", "recoarsen_kinetic", "recoarsen_strain")  # energies that changes of elements lose
 CHUNK = 50  # steps between two looks for blow-up
 
-_advance, _evaluate, _elastic = Direct(steps.advance), Direct(steps.evaluate), Direct(steps.elastic)
+_advance, _elastic = Direct(steps.advance), Direct(steps.elastic)
 _heavier = Direct(heavier)
 
 
@@ -95,28 +107,33 @@ class Manifold:
         slots = np.stack(np.meshgrid(*(np.arange(m) for m in count), indexing="ij"), axis=-1).reshape(-1, 3)
         self.slots = ((slots + 0.5) / count)[:, :axes]
         self._shape = bricks.shape_functions(self.slots)
-        self._gradient = bricks.shape_gradients(self.slots, self.size)
-        self._centres, self._probe = (Probe(place, count[:axes], self.size) for place in ("centre", strain_at))
+        self._centres, self._probe = (Probe(place, count[:axes], self.size, self.grid.fold) for place in ("centre", strain_at))
         self._within = np.ones(self.grid.count, dtype=bool)
         if within is not None:
             self._within[np.setdiff1d(np.arange(self.grid.count), rows_of(within, self.centres))] = False
         self.kind = self._first_kinds(free, manifold, cut, continuum, faces)
-        self._stiffness = Stiffness(lattice, self.grid, raster, self._shape)
+        fold = self.grid.fold
+        self._stiffness = Stiffness(lattice, self.grid, raster, self._shape @ fold)
+        self._distinct = (  # what steps need of elements' corners
+            tuple(range(len(self.grid.distinct))), np.ascontiguousarray(self.grid.nodes[:, self.grid.distinct]), self._shape @ fold,
+            np.ascontiguousarray(np.einsum("sca,ck->ska", bricks.shape_gradients(self.slots, self.size), fold)),
+        )  # fmt: skip
         self._holds: list[tuple[np.ndarray, str, History]] = []
         self._nodal = Driving(self.node_reference)
         n = len(self.node_reference)
         self._nodes = steps.Nodes(
             np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n)), np.zeros(n), np.zeros((n, 2), dtype=np.int32),
-            np.zeros(5, dtype=np.int64), np.zeros(SUMS),
+            np.zeros(8, dtype=np.int64), np.zeros(SUMS), np.zeros((2, 3, n if lattice._state.acting.size else 0)),
         )  # fmt: skip
         self.time, self.released, self.release_log = 0.0, 0, [(0.0, 0)]
         self.first_released: np.ndarray = np.empty(0, dtype=np.int64)  # elements of the first release
+        self.unseen = 0  # steps since the last look at the criterion
         self._lost = dict.fromkeys(LOST, 0.0)
         self.node_mass = np.zeros(n)
         whole = np.flatnonzero(self.kind != PARTICLES)
         self._add_mass(whole, 1.0)
         lattice.refresh(self._free_rows(), ~self._free_rows())
-        self._inertia = inertia_of(self._shares(np.arange(self.grid.count)), n) if mass == "higher-order" else None
+        self._inertia = inertia_of(self._shares(np.arange(self.grid.count)), fold, n) if mass == "higher-order" else None
         self._arrange(np.arange(self.grid.count))
         self.critical_step = self._critical_step()
         damped = math.sqrt(1.0 + (lattice._terms.damping or 0.0))
@@ -169,9 +186,8 @@ class Manifold:
     def _shares(self, elements: np.ndarray) -> np.ndarray:
         """Masses (elements, 8) in kg that the particles of elements give to their nodes, sum of m_j N(X_j) (eq 27)."""
         sites = self.grid.sites_of(elements)
-        found = np.zeros(self.grid.nodes.shape)
-        np.add.at(found, self.grid.element[sites], self.lattice.mass[sites, None] * self._shape[self.grid.slot[sites]])
-        return found[elements]
+        share = self.lattice.mass[sites, None] * self._shape[self.grid.slot[sites]]
+        return np.stack([np.bincount(self.grid.element[sites], by, self.grid.count) for by in share.T], axis=1)[elements]
 
     def _add_mass(self, elements: np.ndarray, sign: float) -> None:
         """Masses of the nodes by those of the particles of elements."""
@@ -201,11 +217,10 @@ class Manifold:
         nodes.moving_runs[: len(runs)] = np.column_stack((runs[:, 0], runs[:, 1] - runs[:, 0]))
         nodes.counts[MOVING_RUNS] = len(runs)
         rows = np.flatnonzero(self.lattice.needed).astype(np.int32)
-        corners = self.grid.nodes.shape[1]
+        corners, node, shape, gradient = self._distinct
         self._elements = steps.Elements(
-            tuple(range(self.lattice.axes)), tuple(range(corners)), self.grid.nodes, self._stiffness.number, self._stiffness.matrices, active,
-            rows, self.grid.element[rows], self.grid.slot[rows], self._shape, self._gradient,
-            np.zeros(self.lattice.axes * corners), self._inertia,
+            tuple(range(self.lattice.axes)), corners, node, self._stiffness.number, self._stiffness.matrices, active, rows,
+            self.grid.element[rows], self.grid.slot[rows], shape, gradient, np.zeros(3 * WIDTH), self._inertia,
         )  # fmt: skip
 
     def _arrange_driving(self) -> None:
@@ -228,9 +243,9 @@ class Manifold:
         nodes = self.grid.nodes[self.grid.element[rows]]
         shares = self._shape[self.grid.slot[rows]][:, :, None] * values[:, None, :]
         found, where = np.unique(nodes, return_inverse=True)
-        total = np.zeros((max(1, len(found)), 3))
-        np.add.at(total, where.reshape(-1), shares.reshape(-1, 3))
-        return (found, total) if len(found) else (np.zeros(1, dtype=np.int32), total)
+        if len(found) == 0:
+            return np.zeros(1, dtype=np.int32), np.zeros((1, 3))
+        return found, np.stack([np.bincount(where.reshape(-1), by) for by in shares.reshape(-1, 3).T], axis=1)
 
     # state
 
@@ -326,12 +341,14 @@ class Manifold:
         lattice = self.lattice
         while step_count > 0:
             self.prepare()
-            now = min(step_count, CHUNK if self.criterion is None else self.check_every)
+            now = min(step_count, CHUNK if self.criterion is None else self.check_every - self.unseen)
             self._steps(lattice.driving.drive(self.time, self.step, now), self._nodal.drive(self.time, self.step, now), now)
             self.time += now * self.step
             lattice.time = self.time
             step_count -= now
-            wanted = self.overstrained()
+            self.unseen += now
+            wanted = self.overstrained() if self.unseen >= self.check_every else np.empty(0, dtype=np.int64)
+            self.unseen %= self.check_every
             look = self.recoarsener is not None and self.recoarsener.is_due(now)
             if self._parts is not None and (step_count == 0 or len(wanted) or look):
                 self._parts.take_over(self._parts.order("collect"))
@@ -387,9 +404,9 @@ class Manifold:
         lattice, h = self.lattice, self.step
         self._parts = None
         self._arrange_driving()
-        _evaluate(
+        _advance(
             lattice._state, lattice._terms, self._nodes, self._elements, lattice.driving.drive(self.time - h, h, 1),
-            self._nodal.drive(self.time - h, h, 1), 0, h, 0.0,
+            self._nodal.drive(self.time - h, h, 1), 0, h,
         )  # fmt: skip
         self._ready = lattice._ready = True
 
@@ -408,7 +425,7 @@ class Manifold:
             kinetic, middle = kinetic + more[0], middle + more[1]
         sums = state.sums + nodes.sums
         lost = sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] + sum(self._lost.values())
-        return kinetic, elastic, middle + lost - sums[EXTERNAL] - sums[HELD]
+        return kinetic, elastic, middle + lost - sums[EXTERNAL] - sums[HELD] - sums[EXCESS]
 
     def _heavier(self) -> tuple[float, float]:
         nodes, drive = self._nodes, self._nodal.drive(self.time, self.step, 1)
@@ -422,7 +439,7 @@ class Manifold:
         sums = self.lattice._state.sums + self._nodes.sums
         return {
             "kinetic": kinetic, "elastic": elastic, "breaking": float(sums[BREAKING]), "local_damping": float(sums[DAMPING]),
-            "absorbed": float(sums[ABSORBED]), "external_work": float(sums[EXTERNAL]), "held_work": float(sums[HELD]),
+            "absorbed": float(sums[ABSORBED]), "excess_work": float(sums[EXCESS]), "external_work": float(sums[EXTERNAL]), "held_work": float(sums[HELD]),
             "broken_bonds": float(sums[BROKEN_BONDS]), **self._lost, "balance": account - self._base,
         }  # fmt: skip
 

@@ -41,8 +41,16 @@ def bond_limits(material: LatticeMaterial, spacing: float, reduction: float = 0.
     normal_limit, shear_limit = material.limits
     arms = geometry.vectors(axes, spacing)[::2]
     units = arms / np.linalg.norm(arms, axis=1, keepdims=True)
+    longest = float(np.linalg.norm(arms, axis=1).max())
+    least = (reduction * min(normal_limit, shear_limit) / longest) ** 2
 
     def near(strain: np.ndarray) -> np.ndarray:
+        strong = strain**2 @ (1.0, 1.0, 1.0, 2.0, 2.0, 2.0) > least  # no bond deforms by more than its length times |strain|
+        found = np.zeros(len(strain), dtype=bool)
+        found[strong] = reached(strain[strong])
+        return found
+
+    def reached(strain: np.ndarray) -> np.ndarray:
         moved = strain[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]] @ arms.T  # (k, 3, bonds)
         along = np.einsum("kab,ba->kb", moved, units)
         across = np.sqrt(np.maximum(np.einsum("kab,kab->kb", moved, moved) - along**2, 0.0))
@@ -68,15 +76,18 @@ class Probe:
         place: "centre" or "particles".
         per_element: cells of the raster along each axis of an element (axes,).
         size: of an element, m (axes,).
+        fold: see `bridge.manifold.grid`; by default all corners are distinct.
     """
 
-    def __init__(self, place: str, per_element: np.ndarray, size: np.ndarray) -> None:
+    def __init__(self, place: str, per_element: np.ndarray, size: np.ndarray, fold: np.ndarray | None = None) -> None:
         if place not in PLACES:
             raise ValueError(f'strain_at="{place}" must be "{PLACES[0]}" or "{PLACES[1]}"')
         outer = 0.5 / per_element
         ends = [np.unique((end, 1.0 - end)) for end in (outer if place == "particles" else np.full(len(size), 0.5))]
         points = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(size))
         self._matrices = bricks.strain_matrix(points, size)  # (points, 6, dofs)
+        if fold is not None:
+            self._matrices = self._matrices @ np.kron(fold, np.eye(len(size)))
 
     def strains(self, nodes: steps.Nodes, elements: steps.Elements, chosen: np.ndarray) -> np.ndarray:
         """Strains (points, chosen, 6) of some elements."""

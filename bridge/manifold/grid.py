@@ -47,6 +47,13 @@ class Grid:
         keys, nodes = np.unique(np.ravel_multi_index(tuple(corners.reshape(-1, 3).T), tuple(repeats)), return_inverse=True)
         self.nodes = nodes.reshape(-1, 2**raster.axes).astype(np.int32)  # (elements, corners)
         self.node_places = np.column_stack(np.unravel_index(keys, tuple(repeats)))
+        self.distinct, self.fold = self._fold()
+
+    def _fold(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (k,) that are nodes of their own where a body repeats after one element, and which of them (corners, k) each one is."""
+        same = np.all(self.nodes[:, :, None] == self.nodes[:, None, :], axis=0)
+        distinct, which = np.unique(same.argmax(axis=0), return_inverse=True)
+        return distinct, np.eye(len(distinct))[which.reshape(-1)]
 
     @staticmethod
     def _table(coordinates: np.ndarray, shape: np.ndarray) -> np.ndarray:

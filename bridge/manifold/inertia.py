@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 
 from continuum import bricks
-from particles.system import FAST, KERNEL, STEPS
+from particles.lattice.lanes import WIDTH, even, load, store
+from particles.system import KERNEL, STEPS
 
-SUMMED: dict[str, Any] = {**KERNEL, "fastmath": {*FAST, "reassoc"}}  # sums in any order: vector code
 HEAVIEST = 26.0 / 27.0  # largest eigenvalue of M_L^-1 (M_L - M_C): all nodes of a regular mesh in turn against each other; in the plane 8/9
 TURNS = 7  # of the iteration for the momenta; each leaves a tenth of the error, 1e-14 of it in the energy after all
 
@@ -25,15 +25,20 @@ class Inertia(NamedTuple):
     """What elements have beside the lumped mass."""
 
     mass: Any  # (elements,) kg
-    coupling: Any  # (corners, corners): 1/2 (M_L - M_C) of an element of mass one
+    coupling: Any  # (corners, 8): 1/2 (M_L - M_C) of an element of mass one; a vector a line, its last numbers zero
     before: Any  # (3, nodes) forces of the last evaluation without its share, N
     rate: Any  # (3, nodes)
 
 
-def inertia_of(shares: np.ndarray, nodes: int) -> Inertia:
-    """Inertia of elements by the masses (elements, corners) that they give to their nodes; those with little at a corner have less."""
+def inertia_of(shares: np.ndarray, fold: np.ndarray, nodes: int) -> Inertia:
+    """Inertia of elements by the masses (elements, corners) that they give to their nodes; those with little at a corner have less.
+
+    `fold` is that of `bridge.manifold.grid`.
+    """
     corners = shares.shape[1]
-    coupling = 0.5 * (np.eye(corners) / corners - bricks.mass(3 if corners == 8 else 2))
+    whole = 0.5 * (np.eye(corners) / corners - bricks.mass(3 if corners == 8 else 2))
+    coupling = np.zeros((fold.shape[1], WIDTH))
+    coupling[:, : fold.shape[1]] = fold.T @ whole @ fold
     return Inertia(corners * shares.min(axis=1), coupling, np.zeros((3, nodes)), np.zeros((3, nodes)))
 
 
@@ -42,7 +47,7 @@ def step_factor(axes: int) -> float:
     return float((1.5 - 0.5 * 3.0**-axes) ** -0.5)
 
 
-@njit(**SUMMED)
+@njit(**KERNEL)
 def couple(elements, inertia, by, result):
     """Add 1/2 (M_L - M_C) a (N) to `result` for accelerations a (3, nodes) in `by`."""
     coupling, given = inertia.coupling, elements.room
@@ -52,18 +57,21 @@ def couple(elements, inertia, by, result):
         axes, corners = len(elements.axes), len(elements.corners)
         for c in range(corners):
             for a in range(axes):
-                given[corners * a + c] = by[a, elements.node[e, c]]
+                given[WIDTH * a + c] = mass * by[a, elements.node[e, c]]
+        x = y = z = even(0.0)
         for c in range(corners):
-            x = y = z = 0.0
-            for b in range(corners):
-                x += coupling[c, b] * given[b]
-                y += coupling[c, b] * given[corners + b]
-                if axes == 3:
-                    z += coupling[c, b] * given[2 * corners + b]
+            line = load(coupling[c], 0)
+            x = x + line * given[c]
+            y = y + line * given[WIDTH + c]
+            if axes == 3:
+                z = z + line * given[2 * WIDTH + c]
+        store(given, 0, x)
+        store(given, WIDTH, y)
+        store(given, 2 * WIDTH, z)
+        for c in range(corners):
             node = elements.node[e, c]
-            result[0, node] += mass * x
-            result[1, node] += mass * y
-            result[2, node] += mass * z
+            for a in range(axes):
+                result[a, node] += given[WIDTH * a + c]
 
 
 @njit(**KERNEL)

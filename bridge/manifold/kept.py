@@ -14,7 +14,7 @@ from particles.lattice import kept as lattice_kept
 
 State = dict[str, Any]
 
-MOTION = ("displacement", "velocity", "force")
+KEPT = ("displacement", "velocity", "force", "sums", "couples")
 
 
 def state_of(body: Manifold) -> State:
@@ -23,9 +23,9 @@ def state_of(body: Manifold) -> State:
     nodes, back = body._nodes, body.recoarsener
     found = {
         "lattice": lattice_kept.state_of(body.lattice), "kind": body.kind, "node_mass": body.node_mass,
-        "nodes": {name: getattr(nodes, name) for name in (*MOTION, "sums")}, "release_log": np.array(body.release_log),
+        "nodes": {name: getattr(nodes, name) for name in KEPT}, "release_log": np.array(body.release_log),
         "first_released": body.first_released, "lost": np.array([body._lost[name] for name in LOST]),
-        "numbers": np.array([body.time, body._base]), "released": body.released,
+        "numbers": np.array([body.time, body._base]), "released": body.released, "unseen": body.unseen,
     }  # fmt: skip
     if body._inertia is not None:
         found["before"] = body._inertia.before
@@ -45,10 +45,11 @@ def restore(body: Manifold, kept: State) -> None:
     lattice_kept.restore(body.lattice, kept["lattice"])
     body.kind[:], body.node_mass[:] = kept["kind"], kept["node_mass"]
     body._arrange(np.arange(body.grid.count))
-    for name in (*MOTION, "sums"):
+    for name in KEPT:
         getattr(body._nodes, name)[:] = kept["nodes"][name]
     body.release_log = [(float(time), int(count)) for time, count in kept["release_log"]]
     body.first_released, body.released = np.asarray(kept["first_released"]), int(kept["released"])
+    body.unseen = int(kept["unseen"])
     body._lost = dict(zip(LOST, (float(value) for value in kept["lost"])))
     body.time, body._base = (float(number) for number in kept["numbers"])
     if body._inertia is not None:

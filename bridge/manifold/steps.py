@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from bridge.manifold.inertia import SUMMED, spread
+from bridge.manifold.inertia import spread
 from particles.lattice import motion
 from particles.lattice.general import shear_of, stiffness_of
-from particles.lattice.state import BROKEN, EXPLICIT, NONE
+from particles.lattice.lanes import WIDTH, even, load, store
+from particles.lattice.state import BROKEN, EXCESS, EXPLICIT, NONE
 from particles.system import KERNEL, OUTER, STEPS
 
 
@@ -24,23 +25,24 @@ class Nodes(NamedTuple):
     moving_runs: Any  # (runs, 2) int32
     counts: Any  # (5,) int64
     sums: Any  # energy sums, J
+    couples: Any  # (2, 3, nodes) where excess work is booked, else (2, 3, 0): forces of `couples` before and now, N
 
 
 class Elements(NamedTuple):
     """Elements that are there, by type of stiffness, and the particles that they carry."""
 
     axes: Any  # 0, 1, 2 in space; 0, 1 in the plane: loops over tuples are unrolled
-    corners: Any  # 0 to 7, 0 to 3
+    corners: Any  # 0 to 7, 0 to 3; those that are distinct (see `bridge.manifold.grid`)
     node: Any  # (elements, corners) int32
     kind: Any  # (elements,) int32
-    stiffness: Any  # (kinds, dofs, dofs), N/m, dofs = corners x axes
+    stiffness: Any  # (kinds, dofs, dofs or more), N/m, dofs = corners x axes; whole vectors a line
     active: Any  # (active,) int32 elements
     carried: Any  # (carried,) int32 rows of the lattice
     carrier: Any  # (carried,) int32 element of each
     slot: Any  # (carried,) int32 place in it
     shape: Any  # (slots, corners) shape functions of the places
     gradient: Any  # (slots, corners, axes) their gradients, 1/m
-    room: Any  # (dofs,)
+    room: Any  # (3 vectors,)
     inertia: Any  # None (lumped mass) or Inertia
 
 
@@ -59,9 +61,9 @@ def carry(state, nodes, elements):
             state.velocity[a, i] = v
 
 
-@njit(**SUMMED)
+@njit(**KERNEL)
 def element_forces(nodes, elements):
-    """Nodal forces - K u of all elements, written into `force`; all rows of a corner at a time, each a sum of vectors."""
+    """Nodal forces - K u of all elements, written into `force`, as sums of lines of K, which is symmetric."""
     f, u, moved = nodes.force, nodes.displacement, elements.room
     axes, corners = len(elements.axes), len(elements.corners)
     for a in range(3):
@@ -73,17 +75,21 @@ def element_forces(nodes, elements):
         for c in range(corners):
             for a in range(axes):
                 moved[axes * c + a] = u[a, elements.node[e, c]]
+        first = second = third = even(0.0)
+        for r in range(axes * corners):
+            line, by = matrix[r], moved[r]
+            first = first + load(line, 0) * by
+            if axes * corners > WIDTH:
+                second = second + load(line, WIDTH) * by
+            if axes * corners > 2 * WIDTH:
+                third = third + load(line, 2 * WIDTH) * by
+        store(moved, 0, first)
+        store(moved, WIDTH, second)
+        store(moved, 2 * WIDTH, third)
         for c in range(corners):
-            x = y = z = 0.0
-            for r in range(axes * corners):
-                x += matrix[axes * c, r] * moved[r]
-                y += matrix[axes * c + 1, r] * moved[r]
-                if axes == 3:
-                    z += matrix[axes * c + 2, r] * moved[r]
             node = elements.node[e, c]
-            f[0, node] -= x
-            f[1, node] -= y
-            f[2, node] -= z
+            for a in range(axes):
+                f[a, node] -= moved[axes * c + a]
 
 
 @njit(**KERNEL)
@@ -113,14 +119,40 @@ def act(nodes, elements, inertia, damping, drive, s, h, booked):
 
 @njit(**KERNEL)
 def hand_over_without_couples(state, terms, moment, nodes, elements):
-    """Hand forces over, less the couples that bonds with a shear force of their own leave on carried particles.
+    """Hand forces over, less the couples that bonds with a shear force of their own leave on carried particles."""
+    hand_over(state, moment, nodes, elements)
+    couples(state, terms, moment, elements, nodes.force)
+
+
+@njit(**KERNEL)
+def _hand_over_booked(state, terms, moment, nodes, elements, half, booked):
+    """The same; the work of the couples since the last evaluation is excess work, where this is booked."""
+    if nodes.couples.size == 0:
+        hand_over_without_couples(state, terms, moment, nodes, elements)
+        return
+    hand_over(state, moment, nodes, elements)
+    power, before, now = 0.0, nodes.couples[0], nodes.couples[1]
+    for a in range(3):
+        for i in range(now.shape[1]):
+            now[a, i] = 0.0
+    couples(state, terms, moment, elements, now)
+    for a in range(3):
+        for i in range(now.shape[1]):
+            power += nodes.velocity[a, i] * (before[a, i] + now[a, i])
+            nodes.force[a, i] += now[a, i]
+            before[a, i] = now[a, i]
+    state.sums[EXCESS] += booked * half * power
+
+
+@njit(**KERNEL)
+def couples(state, terms, moment, elements, force):
+    """Take couples away from carried particles, as forces that are added to `force` (3, nodes).
 
     A published shear force is across its bond: half of the couple X x F acts on each end. In a lattice those of all bonds of a particle
     cancel in uniform strain. What an element holds of the bonds of a carried particle has no couple; so those of the others, C, have
     none to cancel and are taken away by nodal forces 1/2 C x grad N, which have no resultant. `moment`: of the variational form, None
     for the published one.
     """
-    hand_over(state, moment, nodes, elements)
     if moment is None:
         for q in range(len(elements.carried)):
             i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
@@ -129,12 +161,12 @@ def hand_over_without_couples(state, terms, moment, nodes, elements):
             x, y, z = couple_of(state, terms, i)
             for c in range(len(elements.corners)):
                 node, by = elements.node[e, c], elements.gradient[slot, c]
-                nodes.force[0, node] -= 0.5 * z * by[1]
-                nodes.force[1, node] += 0.5 * z * by[0]
+                force[0, node] -= 0.5 * z * by[1]
+                force[1, node] += 0.5 * z * by[0]
                 if len(elements.axes) == 3:
-                    nodes.force[0, node] += 0.5 * y * by[2]
-                    nodes.force[1, node] -= 0.5 * x * by[2]
-                    nodes.force[2, node] += 0.5 * (x * by[1] - y * by[0])
+                    force[0, node] += 0.5 * y * by[2]
+                    force[1, node] -= 0.5 * x * by[2]
+                    force[2, node] += 0.5 * (x * by[1] - y * by[0])
 
 
 @njit(**KERNEL)
@@ -158,23 +190,24 @@ def evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, booked):
     carry(state, nodes, elements)
     motion.forces(state, terms, h, booked)
     element_forces(nodes, elements)
-    hand_over_without_couples(state, terms, state.moment, nodes, elements)
+    _hand_over_booked(state, terms, state.moment, nodes, elements, 0.5 * h, booked)
     motion.act(state, terms.damping, drive, s, h, booked)
     act(nodes, elements, elements.inertia, terms.damping, nodal_drive, s, h, booked)
 
 
 @njit(**OUTER)
 def advance(state, terms, nodes, elements, drive, nodal_drive, steps, h):
-    """Whole steps of particles and nodes together, from and to displacements, velocities and forces of one time."""
-    motion.kick(state, 0.5 * h, h)
-    motion.kick(nodes, 0.5 * h, h)
-    for s in range(steps):
-        evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, 1.0)
+    """Whole steps of particles and nodes together, as `particles.lattice.motion.advance`."""
+    booked = 1.0 if steps else 0.0
+    motion.kick(state, booked * 0.5 * h, booked * h)
+    motion.kick(nodes, booked * 0.5 * h, booked * h)
+    for s in range(max(steps, 1)):
+        evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, booked)
         if s < steps - 1:
             motion.kick(state, h, h)
             motion.kick(nodes, h, h)
-    motion.kick(state, 0.5 * h, 0.0)
-    motion.kick(nodes, 0.5 * h, 0.0)
+    motion.kick(state, booked * 0.5 * h, 0.0)
+    motion.kick(nodes, booked * 0.5 * h, 0.0)
     carry(state, nodes, elements)
 
 

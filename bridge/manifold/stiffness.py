@@ -10,6 +10,7 @@ from bridge.manifold.raster import Raster
 from bridge.manifold.template import Template
 from continuum import bricks
 from particles.lattice import Lattice, LatticeMaterial
+from particles.lattice.lanes import WIDTH
 
 AT_ONCE = 512  # elements whose bonds are looked at together
 
@@ -21,13 +22,14 @@ class Stiffness:
         lattice: whose bonds are counted.
         grid: sites and elements.
         raster: of the lattice.
-        shape: functions (slots, corners) of the places in an element.
+        shape: functions (slots, distinct corners) of the places in an element.
     """
 
     def __init__(self, lattice: Lattice, grid: Grid, raster: Raster, shape: np.ndarray) -> None:
         self._lattice, self._grid, self._shape = lattice, grid, shape
         self._size = (grid.per_element * raster.pitch)[: raster.axes]
         self._template = Template(grid, raster)
+        self._fold = np.kron(grid.fold, np.eye(raster.axes))
         self._first_site = np.zeros(grid.count, dtype=np.int64)
         self._first_site[grid.element] = np.arange(len(grid.element))
         self._known: dict[bytes, int] = {}
@@ -37,8 +39,12 @@ class Stiffness:
 
     @property
     def matrices(self) -> np.ndarray:
-        """(kinds, dofs, dofs) in N/m."""
-        return np.array(self._matrices).reshape(-1, *(self._shape.shape[1] * len(self._size),) * 2)
+        """(kinds, dofs, dofs or more) in N/m of the distinct corners; whole vectors a line, their last numbers zero."""
+        dofs = self._fold.shape[1]
+        found = np.zeros((len(self._matrices), dofs, -(-dofs // WIDTH) * WIDTH))
+        for number, matrix in enumerate(self._matrices):
+            found[number, :, :dofs] = matrix
+        return found
 
     def find(self, elements: np.ndarray, kind: np.ndarray) -> None:
         """Numbers of the matrices of some elements, which are there, in a body whose elements are of kinds (all,)."""
@@ -68,7 +74,8 @@ class Stiffness:
 
     def _keep(self, key: bytes, matrix: np.ndarray, element: int) -> None:
         self._known[key] = len(self._matrices)
-        self._matrices.append(np.ascontiguousarray(matrix))
+        matrix = self._fold.T @ matrix @ self._fold
+        self._matrices.append(matrix)
         sites = self._grid.sites_of(np.array([element]))
         share = self._lattice.mass[sites] @ self._shape[self._grid.slot[sites]]
         light = np.repeat(np.where(share > 1e-9 * share.max(), share, np.inf), len(self._size)) ** -0.5

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bridge.manifold.grid import Grid
+from bridge.manifold.grid import AROUND, Grid
 from bridge.manifold.raster import Raster
 from continuum import bricks
 
@@ -31,11 +31,15 @@ class Template:
         second = first + raster.steps[way]
         twice = first + second + 1  # of the midpoint, in cells
         inside = np.all((twice >= 0) & (twice <= 2 * n), axis=1)
-        self.first, self.second, way, twice = first[inside], second[inside], way[inside], twice[inside]
+        way, twice = way[inside], twice[inside]
+        self._places, ends = np.unique(np.concatenate((first[inside], second[inside])), axis=0, return_inverse=True)
+        self._first, self._second = ends.reshape(2, -1)
         low, high = np.where(twice == 0, -1, 0), np.where(twice == 2 * n, 1, 0)
         across = low + high  # an element further along these axes has the midpoint, too
-        self.owners = np.array([[[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]] * len(across)) * across[:, None, :]
-        self._repeated = np.maximum(2 ** np.sum(across == 0, axis=1), 1)  # each owner is listed so often
+        owners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * across[:, None, :]
+        self._owns = np.zeros((len(AROUND), len(across)))  # how often each of the elements around has a midpoint
+        for owner in owners.transpose(1, 0, 2):
+            self._owns[(owner + 1) @ (9, 3, 1), np.arange(len(across))] = 1.0
         axes = raster.axes
         strain = bricks.strain_matrix((twice / (2.0 * n))[:, :axes], (n * raster.pitch)[:axes])  # (bonds, 6, dofs)
         tensor = strain[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]], :]
@@ -53,13 +57,12 @@ class Template:
             free: elements (all,) bool that have been left to particles.
         """
         grid = self._grid
-        base = grid.cells[elements][:, None, :] * grid.per_element
-        first, second = grid.site_at(base + self.first), grid.site_at(base + self.second)
-        there = (first >= 0) & (second >= 0)
-        there &= ~free[grid.element[np.where(there, first, 0)]] & ~free[grid.element[np.where(there, second, 0)]]
-        owner = grid.element_at(grid.cells[elements][:, None, None, :] + self.owners)
-        owning = ((owner >= 0) & ~free[np.maximum(owner, 0)]).sum(axis=2) // self._repeated
-        return np.where(there, 1.0 / np.maximum(owning, 1), 0.0), first, second
+        sites = grid.site_at(grid.cells[elements][:, None, :] * grid.per_element + self._places)
+        bound = (sites >= 0) & ~free[grid.element[np.maximum(sites, 0)]]
+        there = bound[:, self._first] & bound[:, self._second]
+        around = grid.element_at(grid.cells[elements][:, None, :] + AROUND)
+        owning = ((around >= 0) & ~free[np.maximum(around, 0)]).astype(float) @ self._owns
+        return np.where(there, 1.0 / np.maximum(owning, 1.0), 0.0), sites[:, self._first], sites[:, self._second]
 
     def stiffness(self, weight: np.ndarray, normal: np.ndarray, shear: np.ndarray) -> np.ndarray:
         """Stiffness (dofs, dofs) in N/m of shares (bonds,) of bonds with stiffnesses (bonds,) in N/m."""

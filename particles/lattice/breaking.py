@@ -7,19 +7,23 @@ import math
 import numpy as np
 from numba import njit
 
-from particles.lattice.general import bond_energy, elongation_of, set_cluster, shear_of, strain_special
-from particles.lattice.lists import list_rows
+from particles.lattice.general import bond_energy, elongation_of, force_special, set_clusters, shear_of, strain_special
+from particles.lattice.lanes import WIDTH
+from particles.lattice.lists import list_kinds
+from particles.lattice.masked import energy_masked, force_masked
 from particles.lattice.regular import worst_cubic, worst_hexagonal
 from particles.lattice.state import (
-    BREAKING,
+    AWAKE,
     BROKEN,
-    BROKEN_BONDS,
     EXPLICIT,
+    FORCE_BLOCKS,
     FORCE_RUNS,
     FORCE_SPECIAL,
     SPECIAL,
 )  # fmt: skip
 from particles.system import KERNEL, OUTER
+
+NEARLY = 1.0 - 1e-9  # of a limit: what may be at it but for rounding
 
 
 @njit(**KERNEL)
@@ -36,47 +40,13 @@ def fails(state, terms, limits, i, k):
     return math.sqrt(sx * sx + sy * sy + sz * sz) > min(limits[a, 1], limits[b, 1])
 
 
-@njit(**OUTER)
-def sever(state, terms, i, k):
-    """Break one bond: out of both clusters, their strains anew; books the energy that is lost."""
-    j = state.near[i, k]
-    before = _around(state, terms, i) + _around(state, terms, j)
-    before -= _shared(state, terms, i, j)
-    _cut(state, terms, i, k)
-    _cut(state, terms, j, k ^ 1)
-    strain_special(state, terms, state.rotation, i)
-    strain_special(state, terms, state.rotation, j)
-    after = _around(state, terms, i) + _around(state, terms, j) - _shared(state, terms, i, j)
-    state.sums[BREAKING] += before - after
-    state.sums[BROKEN_BONDS] += 1.0
-
-
-@njit(**OUTER)
-def _cut(state, terms, i, k):
-    """Take a bond out of the cluster of a row."""
-    state.bonds[i, k] = state.bonds[i, k] & EXPLICIT | BROKEN
-    state.strain_kind[i] = SPECIAL
-    state.force_kind[i] = SPECIAL
-    set_cluster(state, terms, i)
-
-
 @njit(**KERNEL)
-def _around(state, terms, i):
-    """Energy of the bonds of a row."""
-    total = 0.0
-    for k in range(state.near.shape[1]):
-        total += bond_energy(state, terms, i, k)
-    return total
-
-
-@njit(**KERNEL)
-def _shared(state, terms, i, j):
-    """Energy of the bonds between two rows, several where the lattice repeats after few sites."""
-    total = 0.0
-    for k in range(state.near.shape[1]):
-        if state.near[i, k] == j:
-            total += bond_energy(state, terms, i, k)
-    return total
+def _cut(state, i, k):
+    """Take a bond out of what a row has, if it has a force here."""
+    if state.force_kind[i]:
+        state.bonds[i, k] = state.bonds[i, k] & EXPLICIT | BROKEN
+        state.strain_kind[i] = SPECIAL
+        state.force_kind[i] = SPECIAL
 
 
 @njit(**KERNEL)
@@ -92,12 +62,23 @@ def _near_failure(state, terms, limits, plane, first, count):
         worst = worst_hexagonal(
             first, count, state.near[first], terms.spacing, limits[kind, 0], limits[kind, 1], u[0], u[1], e[0], e[1], e[5]
         )
-    return worst > 1.0 - 1e-9
+    return worst > NEARLY
+
+
+@njit(**KERNEL)
+def _any_fails(state, terms, limits, i):
+    """Whether any of the bonds fails that a row leaves in even directions."""
+    for k in range(0, state.near.shape[1], 2):
+        if fails(state, terms, limits, i, k):
+            return True
+    return False
 
 
 @njit(**OUTER)
 def failing(state, terms, limits, moving):
     """Bonds (k, 2) that fail now, as row and direction, each asked at the end that it leaves in an even direction.
+
+    Forces must be those of now, as what bonds of blocks have reached is found with them.
 
     Args:
         moving: None, or the rows (n,) uint8 that are asked, others are not.
@@ -109,8 +90,17 @@ def failing(state, terms, limits, moving):
             continue
         for i in range(first, first + count):
             found, room = _failing_at(state, terms, limits, moving, i, found, room)
+    asked = 0  # blocks may have rows in common
+    for q in range(state.counts[FORCE_BLOCKS]):
+        first = state.force_blocks[q, 0]
+        if state.reached[q] > NEARLY:
+            for i in range(max(first, asked), first + WIDTH):
+                if state.force_kind[i] == SPECIAL and _any_fails(state, terms, limits, i):
+                    found, room = _failing_at(state, terms, limits, moving, i, found, room)
+        asked = first + WIDTH
     for q in range(state.counts[FORCE_SPECIAL]):
-        found, room = _failing_at(state, terms, limits, moving, state.force_special[q], found, room)
+        if _any_fails(state, terms, limits, state.force_special[q]):
+            found, room = _failing_at(state, terms, limits, moving, state.force_special[q], found, room)
     return room[:found]
 
 
@@ -129,29 +119,45 @@ def _failing_at(state, terms, limits, moving, i, found, room):
 
 
 @njit(**OUTER)
-def break_bonds(state, terms, limits):
-    """Break all bonds that fail at the strains of now; whether there were any."""
-    if limits is None:
-        return False
-    broken = failing(state, terms, limits, None)
+def touched(state, broken):
+    """Rows that some bonds (k, 2), row and direction, end at, and those with their neighbours; each once and in order."""
+    seen = np.zeros(len(state.mask), dtype=np.uint8)
     for b in range(len(broken)):
-        sever(state, terms, broken[b, 0], broken[b, 1])
-    if len(broken):
-        list_rows(state)
-    return len(broken) > 0
+        i, k = broken[b, 0], broken[b, 1]
+        _see(state, seen, i)
+        _see(state, seen, state.near[i, k])
+    around = np.empty(2 * len(broken) * (1 + state.near.shape[1]), dtype=np.int64)
+    ends = np.empty(2 * len(broken), dtype=np.int64)
+    number = last = 0
+    for q in range(state.counts[AWAKE]):  # others have neither strains nor forces
+        for i in range(state.awake[q, 0], state.awake[q, 1]):
+            if seen[i]:
+                around[number] = i
+                number += 1
+                if seen[i] == 2:
+                    ends[last] = i
+                    last += 1
+    return ends[:last], around[:number]
+
+
+@njit(**KERNEL)
+def _see(state, seen, i):
+    """Mark a row by 2, and its neighbours by 1."""
+    seen[i] = 2
+    for k in range(state.near.shape[1]):
+        if state.near[i, k] >= 0:
+            seen[state.near[i, k]] = max(seen[state.near[i, k]], 1)
 
 
 @njit(**OUTER)
-def cut_all(state, terms, broken):
-    """Take bonds (k, 2), row and direction, out of the clusters of their ends, where these have forces here."""
+def cut_all(state, terms, broken, ends):
+    """Take bonds (k, 2), row and direction, out of the clusters of their ends (see `touched`), where these have forces here."""
     for b in range(len(broken)):
         i, k = broken[b, 0], broken[b, 1]
-        j = state.near[i, k]
-        if state.force_kind[i]:
-            _cut(state, terms, i, k)
-        if state.force_kind[j]:
-            _cut(state, terms, j, k ^ 1)
-    list_rows(state)
+        _cut(state, i, k)
+        _cut(state, state.near[i, k], k ^ 1)
+    set_clusters(state, terms, ends)
+    list_kinds(state)
 
 
 @njit(**OUTER)
@@ -160,24 +166,70 @@ def break_all(state, terms, broken, ends, around, counted):
 
     Args:
         broken: (k, 2) row and direction.
-        ends: rows that they end at, each once.
-        around: those and their neighbours, each once.
-        counted: (n,) uint8, rows whose bonds in even directions count here.
+        ends, around: see `touched`.
+        counted: None, or (n,) uint8: rows whose bonds in even directions count here.
     """
-    before = _counted(state, terms, around, counted)
-    cut_all(state, terms, broken)
+    before = _energy(state, terms, around, counted)
+    cut_all(state, terms, broken, ends)
     for i in ends:
         if state.strain_kind[i]:
             strain_special(state, terms, state.rotation, i)
-    return before - _counted(state, terms, around, counted)
+    return before - _energy(state, terms, around, counted)
+
+
+@njit(**OUTER)
+def _energy(state, terms, rows, counted):
+    """Energy (J) of the bonds that rows (in order) leave in even directions, of those rows that count; of others in their blocks, too."""
+    total, done, mask = 0.0, 0, _counted(state.mask, counted)
+    for i in rows:
+        if i < done:
+            continue
+        number = state.stretch_of[i]
+        if number >= 0 and i + WIDTH <= state.stretch[number, 1]:
+            done = i + WIDTH
+            total += energy_masked(
+                i, state.onward[number], mask, terms.spacing, terms.normal, terms.shear, state.material[i], state.displacement,
+                state.strain,
+            )  # fmt: skip
+        elif mask[i]:
+            for k in range(0, state.near.shape[1], 2):
+                total += bond_energy(state, terms, i, k)
+    return total
+
+
+@njit(**OUTER)
+def _counted(mask, counted):
+    """Bits of the rows that count, none of the others."""
+    if counted is None:
+        return mask
+    return mask * counted
 
 
 @njit(**KERNEL)
-def _counted(state, terms, rows, counted):
-    """Energy of the bonds that some rows leave in even directions, of those rows that count."""
+def forces_anew(state, terms, limits, rows):
+    """Forces of rows (in order), and of others in their blocks, by their own bonds; returns the sum of v.(F before - F) of the rows (W)."""
+    power, done = _power(state, rows), 0
+    for i in rows:
+        if i < done or not state.force_kind[i]:
+            continue
+        number = state.stretch_of[i]
+        if number >= 0 and i + WIDTH <= state.stretch[number, 1]:
+            done = i + WIDTH
+            force_masked(
+                i, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, limits, state.material[i],
+                state.displacement, state.strain, state.force,
+            )  # fmt: skip
+        else:
+            state.force[0, i] = state.force[1, i] = state.force[2, i] = 0.0
+            force_special(state, terms, state.moment, state.rotation, i)
+    return power - _power(state, rows)
+
+
+@njit(**KERNEL)
+def _power(state, rows):
+    """Sum of v.F of rows (W)."""
     total = 0.0
     for i in rows:
-        if counted[i] and state.force_kind[i]:
-            for k in range(0, state.near.shape[1], 2):
-                total += bond_energy(state, terms, i, k)
+        for a in range(3):
+            total += state.velocity[a, i] * state.force[a, i]
     return total

@@ -7,12 +7,14 @@ import math
 import numpy as np
 from numba import njit
 
-from particles.lattice.state import BROKEN, EXPLICIT, JOINED, SPECIAL
+from particles.lattice.blocks import mask_of
+from particles.lattice.state import BROKEN, EXPLICIT, JOINED
 from particles.system import KERNEL, OUTER
 
 TURNS = 40  # at most, of the iteration for the polar decomposition
 LEAST = 1e-3  # determinant of a gradient: a neighbourhood that is pressed flat has no rotation
 CUT = 1e-8  # of the largest moment of a cluster: smaller ones have no direction
+SPANNING = 1e-5  # determinant over the cube of the trace of moments that are inverted directly; at most 1/27
 
 
 @njit(**KERNEL)
@@ -24,10 +26,10 @@ def gradient_of(state, terms, i):
     for k in range(state.near.shape[1]):
         if state.bonds[i, k] & JOINED:
             j = state.near[i, k]
-            x, y, z = terms.vectors[k, 0] - c[i, 6], terms.vectors[k, 1] - c[i, 7], terms.vectors[k, 2] - c[i, 8]
-            gx = c[i, 0] * x + c[i, 5] * y + c[i, 4] * z
-            gy = c[i, 5] * x + c[i, 1] * y + c[i, 3] * z
-            gz = c[i, 4] * x + c[i, 3] * y + c[i, 2] * z
+            x, y, z = terms.vectors[k, 0] - c[6, i], terms.vectors[k, 1] - c[7, i], terms.vectors[k, 2] - c[8, i]
+            gx = c[0, i] * x + c[5, i] * y + c[4, i] * z
+            gy = c[5, i] * x + c[1, i] * y + c[3, i] * z
+            gz = c[4, i] * x + c[3, i] * y + c[2, i] * z
             dx, dy, dz = u[0, j] - ux, u[1, j] - uy, u[2, j] - uz
             hxx += dx * gx
             hxy += dx * gy
@@ -188,10 +190,10 @@ def spread_moment(state, terms, m, i):
     for k in range(state.near.shape[1]):
         if state.bonds[i, k] & JOINED:
             j = state.near[i, k]
-            x, y, z = terms.vectors[k, 0] - c[i, 6], terms.vectors[k, 1] - c[i, 7], terms.vectors[k, 2] - c[i, 8]
-            gx = c[i, 0] * x + c[i, 5] * y + c[i, 4] * z
-            gy = c[i, 5] * x + c[i, 1] * y + c[i, 3] * z
-            gz = c[i, 4] * x + c[i, 3] * y + c[i, 2] * z
+            x, y, z = terms.vectors[k, 0] - c[6, i], terms.vectors[k, 1] - c[7, i], terms.vectors[k, 2] - c[8, i]
+            gx = c[0, i] * x + c[5, i] * y + c[4, i] * z
+            gy = c[5, i] * x + c[1, i] * y + c[3, i] * z
+            gz = c[4, i] * x + c[3, i] * y + c[2, i] * z
             fx = m[0, i] * gx + m[5, i] * gy + m[4, i] * gz
             fy = m[5, i] * gx + m[1, i] * gy + m[3, i] * gz
             fz = m[4, i] * gx + m[3, i] * gy + m[2, i] * gz
@@ -206,22 +208,41 @@ def spread_moment(state, terms, m, i):
     f[2, i] += sz
 
 
-@njit(**OUTER)
-def set_cluster(state, terms, i):
-    """Inverse moments A (pseudo-inverse) and mean arm of the cluster of one row: the row itself and what is joined to it."""
-    moments, mean = np.zeros((3, 3)), np.zeros(3)
-    members = 1
+@njit(**KERNEL)
+def _set_cluster(state, terms, i):
+    """Inverse moments and mean arm of a row whose cluster spans space; whether it does."""
+    xx = yy = zz = yz = xz = xy = x = y = z = 0.0
+    members = 1.0
     for k in range(state.near.shape[1]):
         if state.bonds[i, k] & JOINED:
-            members += 1
-            for a in range(3):
-                mean[a] += terms.vectors[k, a]
-                for b in range(3):
-                    moments[a, b] += terms.vectors[k, a] * terms.vectors[k, b]
-    mean /= members
-    for a in range(3):
-        for b in range(3):
-            moments[a, b] -= members * mean[a] * mean[b]
+            members += 1.0
+            a, b, c = terms.vectors[k, 0], terms.vectors[k, 1], terms.vectors[k, 2]
+            x, y, z = x + a, y + b, z + c
+            xx, yy, zz, yz, xz, xy = xx + a * a, yy + b * b, zz + c * c, yz + b * c, xz + a * c, xy + a * b
+    x, y, z = x / members, y / members, z / members
+    xx, yy, zz = xx - members * x * x, yy - members * y * y, zz - members * z * z
+    yz, xz, xy = yz - members * y * z, xz - members * x * z, xy - members * x * y
+    c = state.cluster
+    c[6, i], c[7, i], c[8, i] = x, y, z
+    ux, uy, uz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy  # cofactors
+    det = xx * ux + xy * uy + xz * uz
+    if not det > SPANNING * (xx + yy + zz) ** 3:
+        return False
+    c[0, i], c[1, i], c[2, i] = ux / det, (xx * zz - xz * xz) / det, (xx * yy - xy * xy) / det
+    c[3, i], c[4, i], c[5, i] = (xy * xz - xx * yz) / det, uz / det, uy / det
+    return True
+
+
+@njit(**OUTER)
+def _set_flat_cluster(state, terms, i):
+    """Inverse moments by the pseudo-inverse, the mean arm being known."""
+    c = state.cluster
+    mean = np.array((c[6, i], c[7, i], c[8, i]))
+    moments = mean.reshape(3, 1) * mean  # of the row itself, whose arm is zero
+    for k in range(state.near.shape[1]):
+        if state.bonds[i, k] & JOINED:
+            arm = terms.vectors[k] - mean
+            moments += arm.reshape(3, 1) * arm
     value, vector = np.linalg.eigh(moments)
     inverse = np.zeros((3, 3))
     for p in range(3):
@@ -229,18 +250,17 @@ def set_cluster(state, terms, i):
             for a in range(3):
                 for b in range(3):
                     inverse[a, b] += vector[a, p] * vector[b, p] / value[p]
-    c = state.cluster
-    c[i, 0], c[i, 1], c[i, 2] = inverse[0, 0], inverse[1, 1], inverse[2, 2]
-    c[i, 3], c[i, 4], c[i, 5] = inverse[1, 2], inverse[0, 2], inverse[0, 1]
-    c[i, 6], c[i, 7], c[i, 8] = mean[0], mean[1], mean[2]
+    c[0, i], c[1, i], c[2, i] = inverse[0, 0], inverse[1, 1], inverse[2, 2]
+    c[3, i], c[4, i], c[5, i] = inverse[1, 2], inverse[0, 2], inverse[0, 1]
 
 
 @njit(**OUTER)
 def set_clusters(state, terms, rows):
-    """Clusters of those of some rows that are special."""
+    """Bits of some rows, inverse moments A (pseudo-inverse) and mean arms of their clusters: each row itself and what is joined to it."""
     for i in rows:
-        if state.strain_kind[i] == SPECIAL:
-            set_cluster(state, terms, i)
+        state.mask[i] = mask_of(state.bonds, i)
+        if state.strain_kind[i] and not _set_cluster(state, terms, i):
+            _set_flat_cluster(state, terms, i)
 
 
 @njit(**KERNEL)
@@ -258,14 +278,3 @@ def bond_energy(state, terms, i, k):
         sx, sy, sz = shear_of(state, terms, i, j, k)
         energy += 0.5 * stiffness_of(terms.shear, state, i, j) * (sx * sx + sy * sy + sz * sz)
     return energy
-
-
-@njit(**KERNEL)
-def elastic_energy(state, terms):
-    """Elastic energy (J) of all explicit bonds; strains must be those of the displacements."""
-    total = 0.0
-    for i in range(len(state.material)):
-        if state.force_kind[i]:
-            for k in range(0, state.near.shape[1], 2):  # each bond once
-                total += bond_energy(state, terms, i, k)
-    return total

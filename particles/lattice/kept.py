@@ -13,7 +13,7 @@ from particles.lattice.lattice import Lattice
 
 State = dict[str, Any]
 
-MOTION = ("displacement", "velocity", "force")
+KEPT = ("displacement", "velocity", "force", "acting", "stored", "sums")
 
 
 def state_of(lattice: Lattice) -> State:
@@ -21,7 +21,7 @@ def state_of(lattice: Lattice) -> State:
     if not lattice.carried.any():
         lattice.prepare()
     state = lattice._state
-    arrays = {name: getattr(state, name) for name in (*MOTION, "bonds", "sums")}
+    arrays = {name: getattr(state, name) for name in ("bonds", *KEPT)}
     return arrays | {"free": lattice.free, "carried": lattice.carried, "numbers": np.array([lattice.time, lattice._base])}
 
 
@@ -36,7 +36,7 @@ def restore(lattice: Lattice, kept: State) -> None:
         raise ValueError(f"state has {len(kept['bonds'])} particles on the lattice, this one {lattice.count}: make the same scene")
     state.bonds[:] = kept["bonds"]
     lattice.refresh(np.asarray(kept["free"], dtype=bool), np.asarray(kept["carried"], dtype=bool))
-    for name in (*MOTION, "sums"):
+    for name in KEPT:
         getattr(state, name)[:] = kept[name]
     lattice.time, lattice._base = (float(number) for number in kept["numbers"])
     lattice.driving.arrange(lattice.free)

@@ -10,7 +10,7 @@ import numpy as np
 
 from particles.crew import Crew, crew
 from particles.dispatch import Direct
-from particles.lattice import geometry, motion
+from particles.lattice import blocks, geometry, motion
 from particles.lattice.arrangement import arrange, needed
 from particles.lattice.driving import Driving, History, Where, face_area, lysmer, rows_of
 from particles.lattice.material import LatticeMaterial
@@ -21,6 +21,7 @@ from particles.lattice.state import (
     BROKEN,
     BROKEN_BONDS,
     DAMPING,
+    EXCESS,
     EXTERNAL,
     HELD,
     SUMS,
@@ -30,7 +31,7 @@ from particles.lattice.state import (
 )  # fmt: skip
 from particles.motion import Unstable
 
-_advance, _evaluate = Direct(motion.advance), Direct(motion.evaluate)
+_advance = Direct(motion.advance)
 _elastic, _fastest = Direct(motion.elastic), Direct(motion.fastest)
 ahead = Direct(motion.ahead)
 CHUNK = 50  # steps between two looks for blow-up
@@ -55,12 +56,13 @@ class Lattice:
         periodic: axes along which the sites repeat, such as "z": one layer with u_z held is plane strain.
         local_damping: alpha of the damping against each velocity component: 0.8 to find equilibria, 0 for waves.
         step: s; by default 0.8 of the critical step, divided by sqrt(1 + alpha).
+        audit: book the work that bonds do beyond the loss of their energy (`excess_work`), which closes the balance; on one rank.
     """
 
     def __init__(
         self, sites: Any, spacing: float, material: LatticeMaterial | Sequence[LatticeMaterial],
         layer: Callable[[np.ndarray], Any] | None = None, force: str = "pairwise", plane: str = "strain", periodic: str = "",
-        local_damping: float = 0.0, step: float | None = None, corotational: bool = False,
+        local_damping: float = 0.0, step: float | None = None, corotational: bool = False, audit: bool = False,
     ) -> None:  # fmt: skip
         sites = np.asarray(sites, dtype=float)
         if sites.ndim != 2 or sites.shape[1] not in (2, 3) or len(sites) == 0 or not np.all(np.isfinite(sites)):
@@ -85,8 +87,10 @@ class Lattice:
         self._terms = self._constants(plane, local_damping)
         volume = self.spacing**3 if self.axes == 3 else 0.5 * math.sqrt(3.0) * self.spacing**2
         self._masses = np.array([one.density * volume for one in self.materials])
+        layers = self._layers(layer)
+        self._mass = self._masses[layers]
         near = geometry.neighbours(self.places, axes, geometry.directions(self.axes), self.periodic)
-        self._state = self._make_state(near, self._layers(layer), force == "variational", corotational)
+        self._state = self._make_state(near, layers, force == "variational", corotational, audit)
         self.time = 0.0
         self.critical_step = self._critical_step()
         self.step = SAFETY * self.critical_step / math.sqrt(1.0 + local_damping) if step is None else float(step)
@@ -117,17 +121,24 @@ class Lattice:
             raise ValueError(f"layer gives {number.min()} to {number.max()}; it must give numbers from 0 to {len(self.materials) - 1}")
         return number.astype(np.uint8)
 
-    def _make_state(self, near: np.ndarray, material: np.ndarray, variational: bool, corotational: bool) -> State:
+    def _make_state(self, near: np.ndarray, material: np.ndarray, variational: bool, corotational: bool, audit: bool) -> State:
         n = len(near)
+        plain = self.axes == 3 and not variational and not corotational
+        stretch_of, stretch, onward = blocks.stretches(near, material, plain)
+        room = n // blocks.WIDTH + len(stretch)
         return State(
             displacement=np.zeros((3, n)), velocity=np.zeros((3, n)), force=np.zeros((3, n)), lightness=1.0 / self._masses[material], strain=np.zeros((6, n)),
             moment=np.zeros((6, n)) if variational else None,
-            rotation=np.repeat(np.eye(3).reshape(9, 1), n, axis=1) if corotational else None, near=near, bonds=np.zeros(near.shape, dtype=np.uint8),
-            follows=geometry.follows(near), material=material, strain_kind=np.zeros(n, dtype=np.uint8),
-            force_kind=np.zeros(n, dtype=np.uint8), moving=np.zeros(n, dtype=np.uint8), cluster=np.zeros((n, 9)),
-            strain_runs=np.zeros((n, 2), dtype=np.int32), strain_special=np.zeros(n, dtype=np.int32),
-            force_runs=np.zeros((n, 2), dtype=np.int32), force_special=np.zeros(n, dtype=np.int32),
-            moving_runs=np.zeros((n, 2), dtype=np.int32), counts=np.zeros(5, dtype=np.int64), sums=np.zeros(SUMS),
+            rotation=np.repeat(np.eye(3).reshape(9, 1), n, axis=1) if corotational else None,
+            acting=np.zeros((3, n if audit else 0)), stored=np.zeros(1), near=near, bonds=np.zeros(near.shape, dtype=np.uint8),
+            mask=np.zeros(n, dtype=np.int64), follows=geometry.follows(near), material=material, strain_kind=np.zeros(n, dtype=np.uint8),
+            force_kind=np.zeros(n, dtype=np.uint8), moving=np.zeros(n, dtype=np.uint8), cluster=np.zeros((9, n)),
+            stretch_of=stretch_of, stretch=stretch, onward=onward,
+            strain_runs=np.zeros((n, 2), dtype=np.int32), strain_blocks=np.zeros((room, 2), dtype=np.int64),
+            strain_special=np.zeros(n, dtype=np.int64), force_runs=np.zeros((n, 2), dtype=np.int32),
+            force_blocks=np.zeros((room, 2), dtype=np.int64), force_special=np.zeros(n, dtype=np.int64),
+            moving_runs=np.zeros((n, 2), dtype=np.int32), awake=np.zeros((n, 2), dtype=np.int64), reached=np.zeros(room),
+            counts=np.zeros(8, dtype=np.int64), sums=np.zeros(SUMS),
         )  # fmt: skip
 
     def _critical_step(self) -> float:
@@ -186,7 +197,7 @@ class Lattice:
     @property
     def mass(self) -> np.ndarray:
         """(n,) in kg."""
-        return self._masses[self._state.material]
+        return self._mass
 
     @property
     def layer(self) -> np.ndarray:
@@ -297,8 +308,8 @@ class Lattice:
         self._parts.take_over(self._parts.order("advance", drive, steps, self.step))
 
     def following(self) -> Crew | None:
-        """Ranks that help with the steps, if any: the variational force is for one rank, as it reaches a neighbour farther."""
-        return crew() if self._state.moment is None else None
+        """Ranks that help with the steps, if any: the variational force, which reaches a neighbour farther, and the audit are for one."""
+        return crew() if self._state.moment is None and not self._state.acting.size else None
 
     def parallel(self) -> dict[str, Any]:
         """How the work is shared out among ranks; nothing on one rank."""
@@ -321,8 +332,7 @@ class Lattice:
         self._parts = None
         self.driving.arrange(self.free)
         before = None if self.time == 0.0 else self._account()[1]
-        drive = self.driving.drive(self.time - self.step, self.step, 1)
-        _evaluate(self._state, self._terms, drive, 0, self.step, 0.0)
+        _advance(self._state, self._terms, self.driving.drive(self.time - self.step, self.step, 1), 0, self.step)
         self._ready = True
         self._base = self._account()[1] - (0.0 if before is None else before - self._base)
 
@@ -340,7 +350,7 @@ class Lattice:
         middle = elastic + ahead(state, kept, self.step)
         state.force[:] = kept
         sums = state.sums
-        return elastic, middle + sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] - sums[EXTERNAL] - sums[HELD]
+        return elastic, middle + sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] - sums[EXTERNAL] - sums[HELD] - sums[EXCESS]
 
     def energies(self) -> dict[str, float]:
         """Energy terms in J; `balance` is the error of the account (see `particles.lattice.motion`)."""
@@ -350,6 +360,6 @@ class Lattice:
         return {
             "kinetic": self.kinetic_energy(), "elastic": elastic, "breaking": float(state.sums[BREAKING]),
             "local_damping": float(state.sums[DAMPING]), "absorbed": float(state.sums[ABSORBED]),
-            "external_work": float(state.sums[EXTERNAL]), "held_work": float(state.sums[HELD]),
+            "excess_work": float(state.sums[EXCESS]), "external_work": float(state.sums[EXTERNAL]), "held_work": float(state.sums[HELD]),
             "broken_bonds": float(state.sums[BROKEN_BONDS]), "balance": account - self._base,
         }  # fmt: skip

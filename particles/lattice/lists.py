@@ -1,34 +1,43 @@
-"""Which rows each loop visits: runs of regular rows, and special ones."""
+"""Which rows each loop visits: runs of regular rows, blocks that hold special ones, and special rows elsewhere."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
+from particles.lattice.blocks import list_blocks
 from particles.lattice.state import (
+    AWAKE,
     BROKEN,
     EXPLICIT,
+    FORCE_BLOCKS,
     FORCE_RUNS,
     FORCE_SPECIAL,
     MOVING_RUNS,
+    NONE,
     REGULAR,
     SPECIAL,
+    STRAIN_BLOCKS,
     STRAIN_RUNS,
     STRAIN_SPECIAL,
 )  # fmt: skip
 from particles.system import INNER, STEPS
 
 LONGEST = 512  # rows of a run, so that what one loop reads is still near for the next
+GAP = 64  # rows asleep that are looked at with those around them
 
 
 @njit(**INNER)
-def _runs(kind, wanted, follows, material, runs):
-    """Write runs of rows of a kind; where `follows` is given, of one material with neighbours in runs, too. Returns their number."""
-    found = 0
-    for i in range(len(kind)):
+def _runs(kind, wanted, follows, material, first, last, runs, found):
+    """Add runs of rows of a kind from `first` to `last`; where `follows` is given, of one material with neighbours in runs, too.
+
+    Returns:
+        How many there are, `found` of them before.
+    """
+    for i in range(first, last):
         if kind[i] != wanted:
             continue
-        on = i > 0 and kind[i - 1] == wanted
+        on = i > first and kind[i - 1] == wanted
         if on and follows is not None:
             on = follows[i] == 1 and material[i] == material[i - 1]
         if on and runs[found - 1, 1] < LONGEST:
@@ -40,12 +49,16 @@ def _runs(kind, wanted, follows, material, runs):
 
 
 @njit(**INNER)
-def _special(kind, rows):
-    """Write the special rows; returns their number."""
+def _awake(strain_kind, force_kind, ranges):
+    """Write ranges of rows that hold all with strains or forces; returns their number."""
     found = 0
-    for i in range(len(kind)):
-        if kind[i] == SPECIAL:
-            rows[found] = i
+    for i in range(len(strain_kind)):
+        if strain_kind[i] == NONE and force_kind[i] == NONE:
+            continue
+        if found > 0 and i - ranges[found - 1, 1] < GAP:
+            ranges[found - 1, 1] = i + 1
+        else:
+            ranges[found, 0], ranges[found, 1] = i, i + 1
             found += 1
     return found
 
@@ -53,11 +66,29 @@ def _special(kind, rows):
 @njit(**STEPS)
 def list_rows(state):
     """All lists anew from the kinds of the rows."""
-    state.counts[STRAIN_RUNS] = _runs(state.strain_kind, REGULAR, state.follows, state.material, state.strain_runs)
-    state.counts[STRAIN_SPECIAL] = _special(state.strain_kind, state.strain_special)
-    state.counts[FORCE_RUNS] = _runs(state.force_kind, REGULAR, state.follows, state.material, state.force_runs)
-    state.counts[FORCE_SPECIAL] = _special(state.force_kind, state.force_special)
-    state.counts[MOVING_RUNS] = _runs(state.moving, 1, None, None, state.moving_runs)
+    state.counts[AWAKE] = _awake(state.strain_kind, state.force_kind, state.awake)
+    state.counts[MOVING_RUNS] = _runs(state.moving, 1, None, None, 0, len(state.moving), state.moving_runs, 0)
+    list_kinds(state)
+
+
+@njit(**STEPS)
+def list_kinds(state):
+    """Lists anew after regular rows have become special ones."""
+    of, stretch, follows, material = state.stretch_of, state.stretch, state.follows, state.material
+    strain_runs = strain_blocks = strain_special = force_runs = force_blocks = force_special = 0
+    for q in range(state.counts[AWAKE]):
+        first, last = state.awake[q, 0], state.awake[q, 1]
+        strain_runs = _runs(state.strain_kind, REGULAR, follows, material, first, last, state.strain_runs, strain_runs)
+        force_runs = _runs(state.force_kind, REGULAR, follows, material, first, last, state.force_runs, force_runs)
+        strain_blocks, strain_special = list_blocks(
+            state.strain_kind, of, stretch, first, last, state.strain_blocks, state.strain_special, strain_blocks, strain_special
+        )
+        force_blocks, force_special = list_blocks(
+            state.force_kind, of, stretch, first, last, state.force_blocks, state.force_special, force_blocks, force_special
+        )
+    counts = state.counts
+    counts[STRAIN_RUNS], counts[STRAIN_BLOCKS], counts[STRAIN_SPECIAL] = strain_runs, strain_blocks, strain_special
+    counts[FORCE_RUNS], counts[FORCE_BLOCKS], counts[FORCE_SPECIAL] = force_runs, force_blocks, force_special
 
 
 def kinds(rows: np.ndarray, near: np.ndarray, bonds: np.ndarray, material: np.ndarray, flags: int) -> np.ndarray:

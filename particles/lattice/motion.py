@@ -13,18 +13,25 @@ import math
 
 from numba import njit
 
-from particles.lattice.breaking import break_bonds
-from particles.lattice.general import elastic_energy, force_special, moment_of, spread_moment, strain_special
+from particles.lattice.breaking import break_all, failing, forces_anew, touched
+from particles.lattice.general import bond_energy, force_special, moment_of, spread_moment, strain_special
+from particles.lattice.lanes import WIDTH
+from particles.lattice.masked import energy_masked, force_masked, strain_masked
 from particles.lattice.regular import force_cubic, force_hexagonal, strain_cubic, strain_hexagonal
 from particles.lattice.state import (
     ABSORBED,
+    AWAKE,
     BREAKING,
+    BROKEN_BONDS,
     DAMPING,
+    EXCESS,
     EXTERNAL,
+    FORCE_BLOCKS,
     FORCE_RUNS,
     FORCE_SPECIAL,
     HELD,
     MOVING_RUNS,
+    STRAIN_BLOCKS,
     STRAIN_RUNS,
     STRAIN_SPECIAL,
 )  # fmt: skip
@@ -43,13 +50,17 @@ def strains(state, terms, plane):
             strain_cubic(first, count, state.near[first], terms.spacing, u[0], u[1], u[2], e[0], e[1], e[2], e[3], e[4], e[5])
         else:
             strain_hexagonal(first, count, state.near[first], terms.spacing, u[0], u[1], e[0], e[1], e[5])
+    if plane is None:
+        for q in range(state.counts[STRAIN_BLOCKS]):
+            first, number = state.strain_blocks[q, 0], state.strain_blocks[q, 1]
+            strain_masked(first, state.onward[number], state.mask, state.cluster, terms.spacing, u, e)
     for q in range(state.counts[STRAIN_SPECIAL]):
         strain_special(state, terms, state.rotation, state.strain_special[q])
 
 
 @njit(**KERNEL)
-def bond_forces(state, terms, moment, plane):
-    """Forces of all explicit bonds, written into `force`."""
+def bond_forces(state, terms, moment, plane, limits):
+    """Forces of all explicit bonds, written into `force`, and how far bonds of blocks have come to their limits."""
     u, e, f = state.displacement, state.strain, state.force
     if moment is not None:
         variational_forces(state, terms, moment)
@@ -66,6 +77,13 @@ def bond_forces(state, terms, moment, plane):
             force_hexagonal(
                 first, count, state.near[first], terms.spacing, terms.normal[kind], terms.shear[kind], u[0], u[1],
                 e[0], e[1], e[5], f[0], f[1],
+            )  # fmt: skip
+    if plane is None:
+        for q in range(state.counts[FORCE_BLOCKS]):
+            first, number = state.force_blocks[q, 0], state.force_blocks[q, 1]
+            state.reached[q] = force_masked(
+                first, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, limits, state.material[first],
+                u, e, f,
             )  # fmt: skip
     for q in range(state.counts[FORCE_SPECIAL]):
         i = state.force_special[q]
@@ -178,11 +196,58 @@ def forces(state, terms, h, booked):
     What a bond releases between evaluations is E - h/2 v.F with it, less the same without it.
     """
     strains(state, terms, terms.plane)
-    bond_forces(state, terms, state.moment, terms.plane)
-    if break_bonds(state, terms, terms.limits):
+    bond_forces(state, terms, state.moment, terms.plane, terms.limits)
+    _audit(state, terms, 0.5 * h, booked)
+    lost = _break(state, terms, state.moment, terms.limits, 0.5 * booked * h)
+    _keep(state, lost)
+
+
+@njit(**KERNEL)
+def _audit(state, terms, half, booked):
+    """Book what the bonds have done since the last evaluation, (F before + F) u / 2, beyond the loss of their energy; keep that of now."""
+    if state.acting.size == 0:
+        return
+    v, f, acting = state.velocity, state.force, state.acting
+    energy, power = elastic_energy(state, terms), 0.0
+    for q in range(state.counts[AWAKE]):
+        for i in range(state.awake[q, 0], state.awake[q, 1]):
+            for a in range(3):
+                power += v[a, i] * (acting[a, i] + f[a, i])
+    state.sums[EXCESS] += booked * (energy - state.stored[0] + half * power)
+    state.stored[0] = energy
+
+
+@njit(**KERNEL)
+def _keep(state, lost):
+    """Keep the forces of the bonds for the next `_audit`, and their energy less what those have lost that broke (J)."""
+    if state.acting.size == 0:
+        return
+    state.stored[0] -= lost
+    for q in range(state.counts[AWAKE]):
+        for a in range(3):
+            for i in range(state.awake[q, 0], state.awake[q, 1]):
+                state.acting[a, i] = state.force[a, i]
+
+
+@njit(**OUTER)
+def _break(state, terms, moment, limits, by):
+    """Break what fails, with the forces without it, whose power for a time `by` (s) is booked; the energy that is lost (J)."""
+    if limits is None:
+        return 0.0
+    broken = failing(state, terms, limits, None)
+    if len(broken) == 0:
+        return 0.0
+    ends, around = touched(state, broken)
+    lost = break_all(state, terms, broken, ends, around, None)
+    state.sums[BREAKING] += lost
+    state.sums[BROKEN_BONDS] += len(broken)
+    if moment is None:
+        state.sums[BREAKING] += by * forces_anew(state, terms, limits, around)
+    else:
         before = state.force.copy()
-        bond_forces(state, terms, state.moment, terms.plane)
-        state.sums[BREAKING] += booked * 0.5 * h * (state.velocity * (before - state.force)).sum()
+        variational_forces(state, terms, moment)
+        state.sums[BREAKING] += by * (state.velocity * (before - state.force)).sum()
+    return lost
 
 
 @njit(**OUTER)
@@ -202,7 +267,7 @@ def kick_points(points, by, drift):
 def feel(state, terms):
     """Strains and forces of the bonds at the displacements of now; none break."""
     strains(state, terms, terms.plane)
-    bond_forces(state, terms, state.moment, terms.plane)
+    bond_forces(state, terms, state.moment, terms.plane, terms.limits)
 
 
 @njit(**STEPS)
@@ -213,20 +278,42 @@ def act_on(points, terms, drive, s, h):
 
 @njit(**OUTER)
 def advance(state, terms, drive, steps, h):
-    """Whole steps, from and to a state with displacements, velocities and forces of one time."""
-    kick(state, 0.5 * h, h)
-    for s in range(steps):
-        evaluate(state, terms, drive, s, h, 1.0)
+    """Whole steps, from and to a state with displacements, velocities and forces of one time; with none, the forces of now alone."""
+    booked = 1.0 if steps else 0.0
+    kick(state, booked * 0.5 * h, booked * h)
+    for s in range(max(steps, 1)):
+        evaluate(state, terms, drive, s, h, booked)
         if s < steps - 1:
             kick(state, h, h)
-    kick(state, 0.5 * h, 0.0)
+    kick(state, booked * 0.5 * h, 0.0)
+
+
+@njit(**KERNEL)
+def elastic_energy(state, terms):
+    """Elastic energy (J) of all explicit bonds, each once; strains must be those of the displacements."""
+    total = 0.0
+    for q in range(state.counts[AWAKE]):
+        i, last = state.awake[q, 0], state.awake[q, 1]
+        while i < last:
+            number = state.stretch_of[i]
+            if number >= 0 and i + WIDTH <= state.stretch[number, 1]:
+                total += energy_masked(
+                    i, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, state.material[i],
+                    state.displacement, state.strain,
+                )  # fmt: skip
+                i += WIDTH
+                continue
+            for k in range(0, state.near.shape[1], 2):
+                total += bond_energy(state, terms, i, k)
+            i += 1
+    return total
 
 
 @njit(**STEPS)
 def elastic(state, terms):
     """Elastic energy (J) at the displacements of now; `force` becomes the force of the bonds alone."""
     strains(state, terms, terms.plane)
-    bond_forces(state, terms, state.moment, terms.plane)
+    bond_forces(state, terms, state.moment, terms.plane, terms.limits)
     return elastic_energy(state, terms)
 
 
@@ -245,12 +332,13 @@ def ahead(points, total, h):
 
 @njit(**STEADY_STEPS)
 def fastest(state):
-    """Largest velocity component (m/s); infinite where any is not finite."""
+    """Largest velocity component (m/s) of rows with strains or forces; infinite where any is not finite."""
     most = 0.0
-    for a in range(3):
-        for i in range(state.velocity.shape[1]):
-            if not abs(state.velocity[a, i]) <= most:
-                most = abs(state.velocity[a, i])
-                if not most <= 1e300:
-                    return math.inf
+    for q in range(state.counts[AWAKE]):
+        for a in range(3):
+            for i in range(state.awake[q, 0], state.awake[q, 1]):
+                if not abs(state.velocity[a, i]) <= most:
+                    most = abs(state.velocity[a, i])
+                    if not most <= 1e300:
+                        return math.inf
     return most

@@ -18,12 +18,13 @@ from particles.lattice import breaking, motion
 from particles.lattice.arrangement import arrange, needed
 from particles.lattice.state import BREAKING, BROKEN_BONDS, SPECIAL, SUMS, Drive, State, Terms
 
-IRREGULAR = 8  # work of a row in no run, in rows of one
+IRREGULAR = 8  # work of a row in neither run nor block, in rows of one
 MOTION = {"displacement": 3, "velocity": 3, "force": 3, "strain": 6}  # arrays that rank 0 takes over, and their components
 SECONDS = ("stepping", "exchange", "agreement")
 _kick, _feel, _act = Direct(motion.kick_points), Direct(motion.feel), Direct(motion.act_on)
 _failing, _break_all = Direct(breaking.failing), Direct(breaking.break_all)
-cut_all = Direct(breaking.cut_all)
+touched, cut_all = Direct(breaking.touched), Direct(breaking.cut_all)
+
 
 
 def owners(state: State, free: np.ndarray, along: np.ndarray, ranks: int) -> np.ndarray:
@@ -34,7 +35,8 @@ def owners(state: State, free: np.ndarray, along: np.ndarray, ranks: int) -> np.
         along: (n,) place along the axis.
     """
     _, plane = np.unique(np.round(along - along.min(), 12), return_inverse=True)
-    work = np.bincount(plane, free * np.where(state.force_kind == SPECIAL, IRREGULAR, 1))
+    alone = (state.force_kind == SPECIAL) & (state.stretch_of < 0)
+    work = np.bincount(plane, free * np.where(alone, IRREGULAR, 1))
     middle = np.cumsum(work) - 0.5 * work
     return np.minimum(ranks * middle / max(1.0, work.sum()), ranks - 1).astype(np.int64)[plane]
 
@@ -137,10 +139,9 @@ class Part:
             return
         broken = np.concatenate(self.comm.allgather(found))
         broken = np.ascontiguousarray(broken[np.lexsort(broken.T[::-1])])
-        ends = np.unique(np.concatenate((broken[:, 0], state.near[broken[:, 0], broken[:, 1]])))
-        around = np.unique(np.concatenate((ends, state.near[ends].ravel())))
+        ends, around = touched(state, broken)
         before = state.force.copy()
-        state.sums[BREAKING] += _break_all(state, terms, broken, ends, around[around >= 0], self._asked)
+        state.sums[BREAKING] += _break_all(state, terms, broken, ends, around, self._asked)
         state.sums[BROKEN_BONDS] += len(found)
         _feel(state, terms)
         change = (before - state.force) * ~self._others
@@ -199,4 +200,4 @@ class Parts:
             first += components
         state.sums[:] += sums[:SUMS]
         if len(broken):
-            cut_all(state, self._whole._terms, broken)
+            cut_all(state, self._whole._terms, broken, touched(state, broken)[0])

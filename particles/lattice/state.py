@@ -8,11 +8,13 @@ from typing import Any, NamedTuple
 JOINED, EXPLICIT, BROKEN = 1, 2, 4
 # Values of `State.strain_kind` and `State.force_kind`
 NONE, REGULAR, SPECIAL = 0, 1, 2
+# First bits of `State.mask`, each followed by those of further directions: of bonds in the clusters; with a force, intact and broken
+JOINED_BIT, INTACT_BIT, BROKEN_BIT = 0, 18, 36
 # Lists of rows: entries of `State.counts`
-STRAIN_RUNS, STRAIN_SPECIAL, FORCE_RUNS, FORCE_SPECIAL, MOVING_RUNS = range(5)
+STRAIN_RUNS, STRAIN_BLOCKS, STRAIN_SPECIAL, FORCE_RUNS, FORCE_BLOCKS, FORCE_SPECIAL, MOVING_RUNS, AWAKE = range(8)
 # Entries of `State.sums` (J), the last a number of bonds
-EXTERNAL, HELD, ABSORBED, DAMPING, BREAKING, BROKEN_BONDS = range(6)
-SUMS = 6
+EXTERNAL, HELD, ABSORBED, DAMPING, BREAKING, EXCESS, BROKEN_BONDS = range(7)
+SUMS = 7
 
 
 class State(NamedTuple):
@@ -25,20 +27,30 @@ class State(NamedTuple):
     strain: Any  # (6, n) xx, yy, zz, yz, xz, xy
     moment: Any  # None (pairwise) or (6, n): shear energy's derivative by the strain, J
     rotation: Any  # None (small rotations) or (9, n): rotation of the neighbourhood, by rows
+    acting: Any  # (3, n) to book excess work, else (3, 0): forces of the bonds at the last evaluation, N
+    stored: Any  # (1,) their energy, J
     near: Any  # (n, directions) int32, -1 where there is no neighbour
     bonds: Any  # (n, directions) uint8
+    mask: Any  # (n,) int64: the same as bits
     follows: Any  # (n,) uint8: neighbours are the rows after those of the row before
     material: Any  # (n,) uint8
     strain_kind: Any  # (n,) uint8: how its strain is found
     force_kind: Any  # (n,) uint8: how the force of its bonds is found
     moving: Any  # (n,) uint8: 1 where the row moves by its force, 0 where its motion is given or it sleeps
-    cluster: Any  # (n, 9): inverse moments (xx, yy, zz, yz, xz, xy) in 1/m2 and mean arm of special rows
+    cluster: Any  # (9, n): inverse moments (xx, yy, zz, yz, xz, xy) in 1/m2 and mean arm
+    stretch_of: Any  # (n,) int32: stretch that a row is in, -1 for none (see `particles.lattice.blocks`)
+    stretch: Any  # (stretches, 2) int32: first row, and the one after the last
+    onward: Any  # (stretches, directions) int32: how many rows on the neighbours lie
     strain_runs: Any  # (n, 2) int32: first row and number of rows
-    strain_special: Any  # (n,) int32
+    strain_blocks: Any  # (room, 2) int64: first row and stretch
+    strain_special: Any  # (n,) int64: special rows in no block
     force_runs: Any  # (n, 2) int32
-    force_special: Any  # (n,) int32
+    force_blocks: Any  # (room, 2) int64
+    force_special: Any  # (n,) int64
     moving_runs: Any  # (n, 2) int32
-    counts: Any  # (5,) int64: how many of them there are
+    awake: Any  # (n, 2) int64: first row and the one after the last, of all that have strains or forces
+    reached: Any  # (room,): largest share of their limits that bonds of each force block had reached at the last evaluation
+    counts: Any  # (8,) int64: how many of them there are
     sums: Any  # (SUMS,)
 
 

@@ -105,12 +105,13 @@ def sites(p: Parameters) -> Any:
 def make(p: Parameters, name: str) -> Any:
     """One of the models."""
     from bridge.manifold import Manifold, ultimate_strain
+    from particles.crew import ranks
     from particles.lattice import Lattice, LatticeMaterial
     from studies.lattice.common import Body
 
     d, (edge, high), tall = p.spacing, p.edges, p.tall
     material = LatticeMaterial(p.young_modulus, p.poisson_ratio, p.density, normal_limit=p.ultimate_deformation)
-    body = Lattice(sites(p), d, material, plane="stress", local_damping=p.damping)
+    body = Lattice(sites(p), d, material, plane="stress", local_damping=p.damping, audit=ranks() == 1)
     model: Any = body
     if name == "release":
         model = Manifold(

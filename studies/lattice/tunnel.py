@@ -101,6 +101,7 @@ def make(p: Parameters, name: str, ratio: float) -> Any:
         walls = p.per_element * d, 2.0 * p.radius
         model = Manifold(
             body, per_element, mass=p.mass, release=bond_limits(materials[0], d, p.reduction), strain_at="particles", margin=1,
+            check_every=max(1, p.per_element // 2),  # steps, in which a wave passes half an element
             within=near if p.fails == "zone" else None,
             manifold=near if p.fails == "zone" else lambda x: (x[:, 0] < walls[0]) | (np.abs(x[:, :2] - middle).sum(axis=1) < walls[1]),
         )  # fmt: skip

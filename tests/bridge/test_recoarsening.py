@@ -8,7 +8,7 @@ import pytest
 from bridge.manifold import CONTINUUM, MANIFOLD, PARTICLES, Manifold, Recoarsening, ultimate_strain
 from meshes import Box, packings
 from particles.lattice import Lattice, LatticeMaterial
-from particles.lattice.part import cut_all
+from particles.lattice.part import cut_all, touched
 
 ROCK = LatticeMaterial(12.5e9, 0.2, 2650.0)
 
@@ -101,7 +101,8 @@ def test_only_quiet_particles_far_from_cracks_come_back():
     it.release(np.flatnonzero(it.centres[:, 2] < 30))
     row = int(it.lattice.rows(below(1))[0])
     up = int(np.flatnonzero(it.lattice._terms.vectors @ (0, 0, 1) == 1.0)[0])
-    cut_all(it.lattice._state, it.lattice._terms, np.array([(row, up)]))
+    bond = np.array([(row, up)])
+    cut_all(it.lattice._state, it.lattice._terms, bond, touched(it.lattice._state, bond)[0])
     it.advance(int(1.9e-2 / it.step))
     assert it.returned == 0  # not yet for long enough
     it.advance(int(0.2e-2 / it.step) + 5)

@@ -1,0 +1,216 @@
+"""Compiled loops over blocks: eight rows of the cubic lattice one after the other of which any bonds are missing or broken.
+
+The neighbours of a block in each direction are rows one after the other, too (see `particles.lattice.blocks`), and a bit of each row
+says which of them are there. So rows with gaps are a stencil like those of `particles.lattice.regular`, in vector code.
+Directions are those of `particles.lattice.directions`: pairs of opposite ones.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from particles.lattice.lanes import even, kept, largest, least, load, most, store, sum_of
+from particles.lattice.state import BROKEN_BIT, INTACT_BIT, JOINED_BIT
+from particles.system import INLINE, KERNEL
+
+
+@njit(**INLINE)
+def _pair(u, v, w, at, to, words, k):
+    """Differences u_j - u_i of an opposite pair of directions k and k + 1: the first less the second (x, y, z), and the sums."""
+    x, y, z = load(u, at), load(v, at), load(w, at)
+    plus, minus, one, two = at + to[k], at + to[k + 1], JOINED_BIT + k, JOINED_BIT + k + 1
+    ax, bx = kept(words, one, load(u, plus) - x), kept(words, two, load(u, minus) - x)
+    ay, by = kept(words, one, load(v, plus) - y), kept(words, two, load(v, minus) - y)
+    az, bz = kept(words, one, load(w, plus) - z), kept(words, two, load(w, minus) - z)
+    return ax - bx, ay - by, az - bz, ax + bx, ay + by, az + bz
+
+
+@njit(**INLINE)
+def _gradient(cluster, at, spacing, total, x, y, z):
+    """A line of the gradient: (d B - S m) A, with B sums of differences by axes of their directions and S their total."""
+    gx = spacing * x - total * load(cluster[6], at)
+    gy = spacing * y - total * load(cluster[7], at)
+    gz = spacing * z - total * load(cluster[8], at)
+    yz, xz, xy = load(cluster[3], at), load(cluster[4], at), load(cluster[5], at)
+    return (
+        load(cluster[0], at) * gx + xy * gy + xz * gz,
+        xy * gx + load(cluster[1], at) * gy + yz * gz,
+        xz * gx + yz * gy + load(cluster[2], at) * gz,
+    )
+
+
+@njit(**KERNEL)
+def strain_masked(at, to, mask, cluster, spacing, u, e):
+    """Strain of a block by least squares over what is joined to each row:  H = sum (u_k - u_i) (X_k - m) A.
+
+    Args:
+        at: first row.
+        to: (18,) how many rows on the neighbours lie.
+    """
+    ux, uy, uz, words = u[0], u[1], u[2], load(mask, at)
+    x0, y0, z0, sx, sy, sz = _pair(ux, uy, uz, at, to, words, 0)
+    x1, y1, z1, ax, ay, az = _pair(ux, uy, uz, at, to, words, 2)
+    sx, sy, sz = sx + ax, sy + ay, sz + az
+    x2, y2, z2, ax, ay, az = _pair(ux, uy, uz, at, to, words, 4)
+    sx, sy, sz = sx + ax, sy + ay, sz + az
+    x3, y3, z3, ax, ay, az = _pair(ux, uy, uz, at, to, words, 6)
+    sx, sy, sz = sx + ax, sy + ay, sz + az
+    x4, y4, z4, ax, ay, az = _pair(ux, uy, uz, at, to, words, 8)
+    sx, sy, sz = sx + ax, sy + ay, sz + az
+    x5, y5, z5, ax, ay, az = _pair(ux, uy, uz, at, to, words, 10)
+    sx, sy, sz = sx + ax, sy + ay, sz + az
+    x6, y6, z6, ax, ay, az = _pair(ux, uy, uz, at, to, words, 12)
+    sx, sy, sz = sx + ax, sy + ay, sz + az
+    x7, y7, z7, ax, ay, az = _pair(ux, uy, uz, at, to, words, 14)
+    sx, sy, sz = sx + ax, sy + ay, sz + az
+    x8, y8, z8, ax, ay, az = _pair(ux, uy, uz, at, to, words, 16)
+    sx, sy, sz = sx + ax, sy + ay, sz + az
+    xx, xy, xz = _gradient(
+        cluster, at, spacing, sx, x0 + x3 + x4 + x5 + x6, x1 + x3 - x4 + x7 + x8, x2 + x5 - x6 + x7 - x8
+    )
+    yx, yy, yz = _gradient(
+        cluster, at, spacing, sy, y0 + y3 + y4 + y5 + y6, y1 + y3 - y4 + y7 + y8, y2 + y5 - y6 + y7 - y8
+    )
+    zx, zy, zz = _gradient(
+        cluster, at, spacing, sz, z0 + z3 + z4 + z5 + z6, z1 + z3 - z4 + z7 + z8, z2 + z5 - z6 + z7 - z8
+    )
+    store(e[0], at, xx)
+    store(e[1], at, yy)
+    store(e[2], at, zz)
+    store(e[3], at, 0.5 * (yz + zy))
+    store(e[4], at, 0.5 * (xz + zx))
+    store(e[5], at, 0.5 * (xy + yx))
+
+
+@njit(**INLINE)
+def _held(words, k, stretch):
+    """Elongation that acts: any of an intact bond, none above zero of a broken one."""
+    return kept(words, INTACT_BIT + k, stretch) + kept(words, BROKEN_BIT + k, least(stretch, even(0.0)))
+
+
+@njit(**INLINE)
+def _axial(worst, limits, words, k, sign, at, to, u, one, two):
+    """A bond along an axis (`sign` -1.0: against it): its elongation along the axis, strains across from the sums of both ends.
+
+    Args:
+        worst: largest share of their limits so far.
+        limits: None, or `_shares`.
+        u: displacements along the axis.
+        one, two: shear strains of the axis with the others.
+    """
+    there = at + to[k]
+    stretch = sign * (load(u, there) - load(u, at))
+    a = kept(words, INTACT_BIT + k, load(one, there) + load(one, at))
+    b = kept(words, INTACT_BIT + k, load(two, there) + load(two, at))
+    if limits is not None:
+        reach, across = limits
+        if sign > 0.0:
+            worst = most(worst, most(reach * kept(words, INTACT_BIT + k, stretch), across * (a * a + b * b)))
+    return worst, sign * _held(words, k, stretch), sign * a, sign * b
+
+
+@njit(**INLINE)
+def _oblique(worst, limits, words, k, sign, turn, at, to, u, v, first, second, one, two):
+    """A bond along (1, `turn`) of two axes (`sign` -1.0: against it): elongation times sqrt 2, strain sums in the plane and across it.
+
+    Args:
+        u, v: displacements along both axes.
+        first, second: strains along them.
+        one, two: shear strains of each with the third.
+    """
+    there = at + to[k]
+    stretch = sign * (load(u, there) - load(u, at) + turn * (load(v, there) - load(v, at)))
+    a = load(first, there) + load(first, at) - load(second, there) - load(second, at)
+    b = load(one, there) + load(one, at) + turn * (load(two, there) + load(two, at))
+    a, b = kept(words, INTACT_BIT + k, a), kept(words, INTACT_BIT + k, b)
+    if limits is not None:
+        reach, across = limits
+        if sign > 0.0:
+            reached = math.sqrt(0.5) * reach * kept(words, INTACT_BIT + k, stretch)
+            worst = most(worst, most(reached, across * (0.5 * a * a + b * b)))
+    return worst, sign * _held(words, k, stretch), sign * a, sign * b
+
+
+@njit(**INLINE)
+def _both_axial(worst, limits, words, k, at, to, u, one, two):
+    """An opposite pair of axial bonds together."""
+    worst, n, a, b = _axial(worst, limits, words, k, 1.0, at, to, u, one, two)
+    worst, m, c, d = _axial(worst, limits, words, k + 1, -1.0, at, to, u, one, two)
+    return worst, n + m, a + c, b + d
+
+
+@njit(**INLINE)
+def _both_oblique(worst, limits, words, k, turn, at, to, u, v, first, second, one, two):
+    """An opposite pair of oblique bonds together."""
+    worst, n, a, b = _oblique(worst, limits, words, k, 1.0, turn, at, to, u, v, first, second, one, two)
+    worst, m, c, d = _oblique(worst, limits, words, k + 1, -1.0, turn, at, to, u, v, first, second, one, two)
+    return worst, n + m, a + c, b + d
+
+
+@njit(**INLINE)
+def _shares(limits, kind, spacing):
+    """None without limits; what makes shares of them of elongations, and of the squares of strain sums across."""
+    if limits is None:
+        return None
+    return 1.0 / limits[kind, 0], 0.25 * spacing * spacing / (limits[kind, 1] * limits[kind, 1])
+
+
+@njit(**KERNEL)
+def force_masked(at, to, mask, spacing, normal, shear, limits, kind, u, e, f):
+    """Force on a block by its own bonds, as `particles.lattice.general.force_special`.
+
+    Args:
+        at: first row.
+        to: (18,) how many rows on the neighbours lie.
+        normal, shear: stiffnesses (materials,), N/m.
+        limits: None, or the normal and the shear deformation (materials, 2) at which bonds break, m.
+        kind: number of the material.
+
+    Returns:
+        The largest share of their limits, normal or the square of the shear, that intact bonds have reached; without limits zero.
+    """
+    words, none = load(mask, at), even(0.0)
+    shares, kn = _shares(limits, kind, spacing), normal[kind]
+    ux, uy, uz = u[0], u[1], u[2]
+    xx, yy, zz, yz, xz, xy = e[0], e[1], e[2], e[3], e[4], e[5]
+    worst, n0, a0, b0 = _both_axial(none, shares, words, 0, at, to, ux, xy, xz)
+    worst, n1, a1, b1 = _both_axial(worst, shares, words, 2, at, to, uy, xy, yz)
+    worst, n2, a2, b2 = _both_axial(worst, shares, words, 4, at, to, uz, xz, yz)
+    worst, n3, a3, b3 = _both_oblique(worst, shares, words, 6, 1.0, at, to, ux, uy, xx, yy, xz, yz)
+    worst, n4, a4, b4 = _both_oblique(worst, shares, words, 8, -1.0, at, to, ux, uy, xx, yy, xz, yz)
+    worst, n5, a5, b5 = _both_oblique(worst, shares, words, 10, 1.0, at, to, ux, uz, xx, zz, xy, yz)
+    worst, n6, a6, b6 = _both_oblique(worst, shares, words, 12, -1.0, at, to, ux, uz, xx, zz, xy, yz)
+    worst, n7, a7, b7 = _both_oblique(worst, shares, words, 14, 1.0, at, to, uy, uz, yy, zz, xy, xz)
+    worst, n8, a8, b8 = _both_oblique(worst, shares, words, 16, -1.0, at, to, uy, uz, yy, zz, xy, xz)
+    by = 0.5 * shear[kind] * spacing
+    sx = a1 + a2 + b7 + b8 + 0.5 * (a3 + a4 + a5 + a6)
+    sy = a0 + b2 + b5 + b6 + 0.5 * (a4 - a3 + a7 + a8)
+    sz = b0 + b1 + b3 + b4 + 0.5 * (a6 - a5 + a8 - a7)
+    store(f[0], at, kn * (n0 + 0.5 * (n3 + n4 + n5 + n6)) + by * sx)
+    store(f[1], at, kn * (n1 + 0.5 * (n3 - n4 + n7 + n8)) + by * sy)
+    store(f[2], at, kn * (n2 + 0.5 * (n5 - n6 + n7 - n8)) + by * sz)
+    return largest(worst)
+
+
+@njit(**KERNEL)
+def energy_masked(at, to, mask, spacing, normal, shear, kind, u, e):
+    """Energy (J) of the bonds that a block leaves in even directions, arguments as for `force_masked`."""
+    words, none = load(mask, at), even(0.0)
+    ux, uy, uz = u[0], u[1], u[2]
+    xx, yy, zz, yz, xz, xy = e[0], e[1], e[2], e[3], e[4], e[5]
+    _, n0, a0, b0 = _axial(none, None, words, 0, 1.0, at, to, ux, xy, xz)
+    _, n1, a1, b1 = _axial(none, None, words, 2, 1.0, at, to, uy, xy, yz)
+    _, n2, a2, b2 = _axial(none, None, words, 4, 1.0, at, to, uz, xz, yz)
+    _, n3, a3, b3 = _oblique(none, None, words, 6, 1.0, 1.0, at, to, ux, uy, xx, yy, xz, yz)
+    _, n4, a4, b4 = _oblique(none, None, words, 8, 1.0, -1.0, at, to, ux, uy, xx, yy, xz, yz)
+    _, n5, a5, b5 = _oblique(none, None, words, 10, 1.0, 1.0, at, to, ux, uz, xx, zz, xy, yz)
+    _, n6, a6, b6 = _oblique(none, None, words, 12, 1.0, -1.0, at, to, ux, uz, xx, zz, xy, yz)
+    _, n7, a7, b7 = _oblique(none, None, words, 14, 1.0, 1.0, at, to, uy, uz, yy, zz, xy, xz)
+    _, n8, a8, b8 = _oblique(none, None, words, 16, 1.0, -1.0, at, to, uy, uz, yy, zz, xy, xz)
+    stretched = n0 * n0 + n1 * n1 + n2 * n2 + 0.5 * (n3 * n3 + n4 * n4 + n5 * n5 + n6 * n6 + n7 * n7 + n8 * n8)
+    sheared = a0 * a0 + b0 * b0 + a1 * a1 + b1 * b1 + a2 * a2 + b2 * b2
+    sheared = sheared + 0.5 * (a3 * a3 + a4 * a4 + a5 * a5 + a6 * a6 + a7 * a7 + a8 * a8)
+    sheared = sheared + b3 * b3 + b4 * b4 + b5 * b5 + b6 * b6 + b7 * b7 + b8 * b8
+    return sum_of(0.5 * normal[kind] * stretched + 0.125 * shear[kind] * spacing * spacing * sheared)
