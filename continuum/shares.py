@@ -31,7 +31,7 @@ def weighted(corners: np.ndarray, share: Share) -> tuple[np.ndarray, dict[int, n
     """
     nodes, axes = corners.shape[1:]
     look = cells.shape_functions(_grid(nodes, axes), nodes)
-    seen = values(share, np.einsum("qn,cnk->cqk", look, corners).reshape(-1, axes)).reshape(len(corners), -1)
+    seen = values(share, np.einsum("qn,cnk->cqk", look, corners).reshape(-1, axes)).reshape(-1, len(look))
     fractions = np.where(seen.min(axis=1, initial=1.0) > 0.5, 1.0, 0.0)
     weights = {}
     points, sizes = composite(nodes, axes)

@@ -351,7 +351,7 @@ class Manifold:
             self.unseen %= self.check_every
             look = self.recoarsener is not None and self.recoarsener.is_due(now)
             if self._parts is not None and (step_count == 0 or len(wanted) or look):
-                self._parts.take_over(self._parts.order("collect"))
+                self._parts.collect(look)
             lattice.check(self.step)
             if len(wanted):
                 self.release(wanted)

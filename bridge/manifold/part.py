@@ -43,7 +43,7 @@ class ManifoldPart(Part):
         Returns:
             Displacements, velocities, forces (3, nodes) and energy sums of the nodes.
         """
-        start, drive = time.perf_counter(), self.mine(drive)
+        start, drive, nodal_drive = time.perf_counter(), self.mine(drive), self.told(1, nodal_drive)
         state, terms, nodes = self.state, self.terms, self.nodes
         _kick_both(state, nodes, 0.5 * h, h)
         for s in range(count):

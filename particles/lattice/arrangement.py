@@ -6,7 +6,7 @@ import numpy as np
 
 from particles.dispatch import Direct
 from particles.lattice import general, lists
-from particles.lattice.state import BROKEN, EXPLICIT, JOINED, SPECIAL, State, Terms
+from particles.lattice.state import BROKEN, EXPLICIT, JOINED, NONE, SPECIAL, State, Terms
 
 _list_rows, _set_clusters = Direct(lists.list_rows), Direct(general.set_clusters)
 
@@ -44,3 +44,9 @@ def needed(state: State, free: np.ndarray) -> np.ndarray:
     near = state.near[found]
     found[near[near >= 0]] = True
     return found & ~free
+
+
+def without_forces(state: State, rows: np.ndarray) -> None:
+    """Leave the forces of rows (n,) bool out of all lists; their strains stay."""
+    state.force_kind[rows] = NONE
+    _list_rows(state)

@@ -42,11 +42,12 @@ def fails(state, terms, limits, i, k):
 
 @njit(**KERNEL)
 def _cut(state, i, k):
-    """Take a bond out of what a row has, if it has a force here."""
-    if state.force_kind[i]:
+    """Take a bond out of what a row has, if it has a strain here; some have no force (see `particles.lattice.part`)."""
+    if state.strain_kind[i]:
         state.bonds[i, k] = state.bonds[i, k] & EXPLICIT | BROKEN
         state.strain_kind[i] = SPECIAL
-        state.force_kind[i] = SPECIAL
+        if state.force_kind[i]:
+            state.force_kind[i] = SPECIAL
 
 
 @njit(**KERNEL)
@@ -151,7 +152,7 @@ def _see(state, seen, i):
 
 @njit(**OUTER)
 def cut_all(state, terms, broken, ends):
-    """Take bonds (k, 2), row and direction, out of the clusters of their ends (see `touched`), where these have forces here."""
+    """Take bonds (k, 2), row and direction, out of the clusters of their ends (see `touched`), where these have strains here."""
     for b in range(len(broken)):
         i, k = broken[b, 0], broken[b, 1]
         _cut(state, i, k)
@@ -175,6 +176,14 @@ def break_all(state, terms, broken, ends, around, counted):
         if state.strain_kind[i]:
             strain_special(state, terms, state.rotation, i)
     return before - _energy(state, terms, around, counted)
+
+
+@njit(**OUTER)
+def break_together(state, terms, broken, counted, by):
+    """Break bonds and find the forces without them; the energy that is lost, with what the forces change for a time `by` (s), J."""
+    ends, around = touched(state, broken)
+    lost = break_all(state, terms, broken, ends, around, counted)
+    return lost + by * forces_anew(state, terms, terms.limits, around)
 
 
 @njit(**OUTER)

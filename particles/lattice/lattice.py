@@ -292,20 +292,25 @@ class Lattice:
         self.prepare()
         while steps > 0:
             now = min(steps, CHUNK)
-            self._steps(self.driving.drive(self.time, self.step, now), now)
+            fastest = self._steps(self.driving.drive(self.time, self.step, now), now)
             self.time += now * self.step
             steps -= now
-            self.check()
+            if self._parts is not None and (steps == 0 or self._runs_away(fastest, self.step)):
+                self._parts.collect()
+            self.check(fastest=fastest)
 
-    def _steps(self, drive: Drive, steps: int) -> None:
-        """Steps by all ranks, where some follow."""
+    def _steps(self, drive: Drive, steps: int) -> float:
+        """Steps by all ranks, where some follow; the largest velocity component then (m/s)."""
         following = self.following()
         if following is None:
             _advance(self._state, self._terms, drive, steps, self.step)
-            return
+            return float(_fastest(self._state))
         if self._parts is None:
             self._parts = Parts(following, Part, self)
-        self._parts.take_over(self._parts.order("advance", drive, steps, self.step))
+        return float(self._parts.order("advance", drive, steps, self.step))
+
+    def _runs_away(self, fastest: float, step: float) -> bool:
+        return not fastest * step <= 0.5 * self.spacing
 
     def following(self) -> Crew | None:
         """Ranks that help with the steps, if any: the variational force, which reaches a neighbour farther, and the audit are for one."""
@@ -315,10 +320,10 @@ class Lattice:
         """How the work is shared out among ranks; nothing on one rank."""
         return {} if self._parts is None else self._parts.order("parallel")
 
-    def check(self, step: float | None = None) -> None:
-        """Raise Unstable where the lattice has blown up, with steps (s) of its own by default."""
-        fastest, step = _fastest(self._state), self.step if step is None else step
-        if not fastest * step <= 0.5 * self.spacing:
+    def check(self, step: float | None = None, fastest: float | None = None) -> None:
+        """Raise Unstable where the lattice has blown up, with steps (s) of its own and the largest velocity (m/s) of now by default."""
+        fastest, step = _fastest(self._state) if fastest is None else fastest, self.step if step is None else step
+        if self._runs_away(fastest, step):
             row = int(np.argmax(np.nan_to_num(np.abs(self._state.velocity).max(axis=0), nan=np.inf)))
             raise Unstable(
                 f"the particle at {np.array2string(self.reference[row], precision=4)} m moves by more than half a spacing in a step at "

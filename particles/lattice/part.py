@@ -1,8 +1,8 @@
 """A rank's part of a lattice: the rows of a slab, which it moves, and the rows of others that these feel.
 
 Every rank knows the whole lattice, its bonds and which of them are broken; only displacements near the cuts pass between ranks in
-a step. Rows of other ranks are carried rows here (see `particles.lattice.arrangement`): their neighbours are known, so that
-their strains are those that their own rank has. Bonds that fail are announced, and all ranks break them.
+a step. Rows of other ranks that are felt here lend their strains: their neighbours are known, so that these are those that their own
+rank finds; their forces are left to it. Bonds that fail are announced, and all ranks break them.
 """
 
 from __future__ import annotations
@@ -11,20 +11,23 @@ import time
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from particles.crew import Crew
 from particles.dispatch import Direct
 from particles.lattice import breaking, motion
-from particles.lattice.arrangement import arrange, needed
+from particles.lattice.arrangement import arrange, needed, without_forces
 from particles.lattice.state import BREAKING, BROKEN_BONDS, SPECIAL, SUMS, Drive, State, Terms
 
 IRREGULAR = 8  # work of a row in neither run nor block, in rows of one
-MOTION = {"displacement": 3, "velocity": 3, "force": 3, "strain": 6}  # arrays that rank 0 takes over, and their components
+MOTION = ("displacement", "velocity", "force", "strain")  # arrays that rank 0 takes over, the last where it is asked for
 SECONDS = ("stepping", "exchange", "agreement")
 _kick, _feel, _act = Direct(motion.kick_points), Direct(motion.feel), Direct(motion.act_on)
-_failing, _break_all = Direct(breaking.failing), Direct(breaking.break_all)
+_failing, _break_together = Direct(breaking.failing), Direct(breaking.break_together)
+_fastest = Direct(motion.fastest)
 touched, cut_all = Direct(breaking.touched), Direct(breaking.cut_all)
-
+PLANES = 8  # that a rank must at least get of an axis which is not the longest
+LISTED = ("loaded", "load", "load_group", "held", "held_axis", "held_group", "absorbing", "dashpot")  # of a drive, from step to step the same
 
 
 def owners(state: State, free: np.ndarray, along: np.ndarray, ranks: int) -> np.ndarray:
@@ -41,13 +44,34 @@ def owners(state: State, free: np.ndarray, along: np.ndarray, ranks: int) -> np.
     return np.minimum(ranks * middle / max(1.0, work.sum()), ranks - 1).astype(np.int64)[plane]
 
 
+def cut_axis(places: np.ndarray, free: np.ndarray, ranks: int) -> int:
+    """The axis across which slabs are cut: the one along which rows lie farthest apart in memory, if there are planes enough.
+
+    Rows of a rank, and those that it lends, are then one after the other; across the longest axis cuts would be smaller, but go
+    through every run of rows.
+
+    Args:
+        places: (n, 3) of whole numbers.
+        free: (n,) bool.
+    """
+    wide = np.ptp(places[free], axis=0) + 1 if free.any() else np.ones(3, dtype=np.int64)
+    slow_first = np.argsort(np.ptp(places, axis=0), kind="stable")
+    return next((int(axis) for axis in slow_first if wide[axis] >= PLANES * ranks), int(wide.argmax()))
+
+
+def _consecutive(rows: np.ndarray) -> Any:
+    """Rows one after the other as a slice, which is copied sooner; others as they are."""
+    whole = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
+    return slice(int(rows[0]), int(rows[-1]) + 1) if whole else rows
+
+
 class Part:
     """The part of one rank (collective).
 
     Args:
         comm: the ranks.
         state, terms: of the whole lattice, as rank 0 has them.
-        along: (n,) place of each row along the longest axis.
+        along: (n,) place of each row along the axis that slabs are cut across.
         free, carried: (n,) bool, see `particles.lattice.arrangement`.
     """
 
@@ -58,13 +82,17 @@ class Part:
         self.own, self._others = free & inside, free & ~inside
         self.state: State = State._make(None if values is None else values.copy() for values in state)
         self.state.force[:, ~self.own] = 0.0
+        self.state.velocity[:, self._others] = 0.0
         self.state.sums[:] = 0.0
         arrange(self.state, terms, self.own, carried | self._others, np.arange(len(free)))
         self.needed = needed(self.state, self.own)
+        without_forces(self.state, self._others)
         self._asked = np.ascontiguousarray(~self._others).view(np.uint8)  # rows whose bonds this rank counts, where they have a force here
         self._meet(np.flatnonzero(self.needed & self._others))
         self.seconds = dict.fromkeys(SECONDS, 0.0)
-        self._drive: tuple[Drive, Drive] | None = None
+        self._failed = np.zeros(1, dtype=np.int64)
+        self._told: dict[int, Drive] = {}
+        self._mine: tuple[Any, Drive] | None = None
         self._broken: list[np.ndarray] = [np.empty((0, 2), dtype=np.int64)]
 
     def release(self) -> None:
@@ -81,8 +109,9 @@ class Part:
         comm = self.comm
         from_each = [wanted[self._owner[wanted] == rank] for rank in range(comm.size)]
         to_each = comm.alltoall(from_each)
-        self._from = [(rank, rows, np.empty((3, len(rows)))) for rank, rows in enumerate(from_each) if len(rows)]
-        self._to = [(rank, rows, np.empty((3, len(rows)))) for rank, rows in enumerate(to_each) if len(rows)]
+        self.halo = len(wanted)
+        self._from = [(rank, _consecutive(rows), np.empty((3, len(rows)))) for rank, rows in enumerate(from_each) if len(rows)]
+        self._to = [(rank, _consecutive(rows), np.empty((3, len(rows)))) for rank, rows in enumerate(to_each) if len(rows)]
         self._requests = [comm.Recv_init(room, source=rank) for rank, _, room in self._from]
         self._requests += [comm.Send_init(room, dest=rank) for rank, _, room in self._to]
 
@@ -100,21 +129,34 @@ class Part:
             moved[:, rows] = room
         self.seconds["exchange"] += time.perf_counter() - start
 
+    def told(self, place: int, drive: Drive) -> Drive:
+        """A drive with the rows that were told before, where it comes without (see `Parts.order`)."""
+        if drive.loaded is None:
+            drive = self._told[place]._replace(load_factor=drive.load_factor, held_velocity=drive.held_velocity)
+        else:
+            self._told[place] = drive
+        return drive
+
     def mine(self, drive: Drive) -> Drive:
-        """What acts on the rows of this rank."""
-        if self._drive is None or self._drive[0].loaded is not drive.loaded:
+        """What acts on the rows of this rank; `drive` is the first argument of an order."""
+        drive = self.told(0, drive)
+        if self._mine is None or self._mine[0] is not drive.loaded:
             loaded, held, absorbing = (self.own[rows] for rows in (drive.loaded, drive.held, drive.absorbing))
-            self._drive = drive, drive._replace(
+            self._mine = drive.loaded, drive._replace(
                 loaded=drive.loaded[loaded], load=drive.load[loaded], load_group=drive.load_group[loaded], held=drive.held[held],
                 held_axis=drive.held_axis[held], held_group=drive.held_group[held], absorbing=drive.absorbing[absorbing],
                 dashpot=drive.dashpot[absorbing],
             )  # fmt: skip
-        return self._drive[1]._replace(load_factor=drive.load_factor, held_velocity=drive.held_velocity)
+        return self._mine[1]._replace(load_factor=drive.load_factor, held_velocity=drive.held_velocity)
 
     # steps
 
-    def advance(self, drive: Drive, steps: int, h: float) -> Any:
-        """Whole steps, from and to displacements, velocities and forces of one time (collective); see `collect`."""
+    def advance(self, drive: Drive, steps: int, h: float) -> float:
+        """Whole steps, from and to displacements, velocities and forces of one time (collective).
+
+        Returns:
+            Largest velocity component, m/s; infinite where any is not finite.
+        """
         start, drive, state = time.perf_counter(), self.mine(drive), self.state
         _kick(state, 0.5 * h, h)
         for s in range(steps):
@@ -122,8 +164,9 @@ class Part:
             self.feel(h)
             _act(state, self.terms, drive, s, h)
             _kick(state, *((h, h) if s < steps - 1 else (0.5 * h, 0.0)))
+        fastest = float(self.comm.allreduce(_fastest(state), op=MPI.MAX))
         self.seconds["stepping"] += time.perf_counter() - start
-        return self.collect()
+        return fastest
 
     def feel(self, h: float) -> None:
         """Forces of the bonds at the displacements of now, once more where bonds fail under them (collective)."""
@@ -133,35 +176,41 @@ class Part:
             return
         found = _failing(state, terms, terms.limits, self._asked)
         start = time.perf_counter()
-        total = self.comm.allreduce(len(found))
+        self._failed[0] = len(found)
+        self.comm.Allreduce(MPI.IN_PLACE, self._failed)
         self.seconds["agreement"] += time.perf_counter() - start
-        if total == 0:
+        if self._failed[0] == 0:
             return
         broken = np.concatenate(self.comm.allgather(found))
         broken = np.ascontiguousarray(broken[np.lexsort(broken.T[::-1])])
-        ends, around = touched(state, broken)
-        before = state.force.copy()
-        state.sums[BREAKING] += _break_all(state, terms, broken, ends, around, self._asked)
+        state.sums[BREAKING] += _break_together(state, terms, broken, self._asked, 0.5 * h)
         state.sums[BROKEN_BONDS] += len(found)
-        _feel(state, terms)
-        change = (before - state.force) * ~self._others
-        state.sums[BREAKING] += 0.5 * h * float((state.velocity * change).sum())
         self._broken.append(broken)
 
-    def collect(self) -> Any:
-        """What rank 0 takes over: rows, their motion (15, rows), energy sums and the bonds that broke since it last did (collective)."""
+    def collect(self, strains: bool = False) -> Any:
+        """What rank 0 takes over (collective): rows and motion (9, rows; with strains 15) of each rank, energy sums, bonds broken since."""
         comm, state = self.comm, self.state
         broken, self._broken = self._broken, [np.empty((0, 2), dtype=np.int64)]
         rows = np.flatnonzero(self.own)
-        parts, sums = comm.gather((rows, np.concatenate([getattr(state, name)[:, rows] for name in MOTION]))), comm.reduce(state.sums)
+        names = MOTION if strains else MOTION[:-1]
+        sums, counts = comm.reduce(state.sums), comm.gather(len(rows))
         state.sums[:] = 0.0
-        return None if parts is None else (*(np.concatenate(ones, axis=-1) for ones in zip(*parts)), sums, np.concatenate(broken))
+        moved = np.ascontiguousarray(np.concatenate([getattr(state, name)[:, rows] for name in names]))  # by rows, as it is received
+        if counts is None:
+            comm.Send(rows, dest=0)
+            comm.Send(moved, dest=0)
+            return None
+        parts = [(rows, moved)]
+        for rank, count in enumerate(counts[1:], start=1):
+            parts.append((np.empty(count, dtype=rows.dtype), np.empty((len(moved), count))))
+            for one in parts[-1]:
+                comm.Recv(one, source=rank)
+        return parts, sums, np.concatenate(broken)
 
     def parallel(self) -> dict[str, Any]:
         """Rows and seconds of every rank, and how much longer than the mean the busiest computes (collective)."""
         seconds = self.seconds | {"stepping": self.seconds["stepping"] - self.seconds["exchange"] - self.seconds["agreement"]}
-        halo = sum(len(rows) for _, rows, _ in self._from)
-        found = self.comm.gather({"particles": int(self.own.sum()), "halo": halo, "seconds": seconds})
+        found = self.comm.gather({"particles": int(self.own.sum()), "halo": self.halo, "seconds": seconds})
         if found is None:
             return {}
         busy = [one["seconds"]["stepping"] for one in found]
@@ -180,24 +229,31 @@ class Parts:
 
     def __init__(self, crew: Crew, kind: type[Part], whole: Any, *more: Any) -> None:
         self._crew, self._number, self._whole = crew, crew.new(), whole
-        along = whole.reference[:, int(np.ptp(whole.places, axis=0).argmax())]
+        self._told: dict[int, Any] = {}
+        along = whole.reference[:, cut_axis(whole.places, whole.free, crew.comm.size)]
         crew.place(self._number, kind, whole._state, whole._terms, along, whole.free, whole.carried, *more)
 
     def __del__(self) -> None:
         self._crew.forget(self._number)
 
     def order(self, name: str, *arguments: Any) -> Any:
-        """Let all ranks do something; what rank 0 found."""
-        return self._crew.order(self._number, name, *arguments)
+        """Let all ranks do something; what rank 0 found. Rows of a drive are told once."""
+        return self._crew.order(self._number, name, *(self._brief(place, one) for place, one in enumerate(arguments)))
 
-    def take_over(self, found: Any) -> None:
-        """Give the lattice what `Part.collect` found."""
-        rows, moved, sums, broken = found
+    def _brief(self, place: int, one: Any) -> Any:
+        """An argument, or a drive without what the ranks know from an earlier order."""
+        if not isinstance(one, Drive):
+            return one
+        known, self._told[place] = self._told.get(place) is one.loaded, one.loaded
+        return one._replace(**dict.fromkeys(LISTED)) if known else one
+
+    def collect(self, strains: bool = False) -> None:
+        """Bring the lattice on rank 0 up to date; its strains, too, where they are asked for."""
+        parts, sums, broken = self.order("collect", strains)
         state = self._whole._state
-        first = 0
-        for name, components in MOTION.items():
-            getattr(state, name)[:, rows] = moved[first : first + components]
-            first += components
+        for rows, moved in parts:
+            for k, name in enumerate(MOTION if strains else MOTION[:-1]):
+                getattr(state, name)[:, _consecutive(rows)] = moved[3 * k : 3 * k + (6 if name == "strain" else 3)]
         state.sums[:] += sums[:SUMS]
         if len(broken):
             cut_all(state, self._whole._terms, broken, touched(state, broken)[0])

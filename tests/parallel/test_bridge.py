@@ -19,9 +19,9 @@ OPTIONS = dict(
 SQUARE = dict(kind="square", radius=0.0625, gravity=(0.0, -9.81), velocity=(0.05, 0.02))
 
 
-def run(communicator, variant, **options):
+def run(communicator, variant, steps=40, **options):
     coupled, _ = scene(**{**OPTIONS, **options}, variant=variant, comm=communicator)
-    coupled.advance(40)
+    coupled.advance(steps)
     return results(coupled, communicator, communicator.bcast(coupled.soil.displacements))
 
 
@@ -47,6 +47,8 @@ def test_contacts_on_the_outline_and_moving_sides_agree_too():
 
 @pytest.mark.parametrize("variant, options", [*((name, {}) for name in VARIANTS), ("subcycling", SQUARE)])
 def test_particles_on_the_ranks_of_their_cells_agree_too(variant, options):
+    """1,000 particle steps once; 160 elsewhere: discs on the edges of cells slide, which amplifies rounding (by 500 in 1,000 steps)."""
+    steps, limit = (250, 1e-10) if not options and variant == "subcycling" else (40, 1e-9)
     options = {**options, "variant": variant}
     coupled, layout = scene(**{**OPTIONS, **options}, comm=comm, everywhere=True)
 
@@ -59,20 +61,20 @@ def test_particles_on_the_ranks_of_their_cells_agree_too(variant, options):
     shared = SharedAssembly(particles, comm, room=3 * len(fine.interface), owner=body.owners(coupled.soil.reference))
     spread(coupled, shared)
     shared.prepare(fine.step, mass_damping=coupled.mass_damping, gravity=body.gravity_acceleration)
-    coupled.advance(40)
+    coupled.advance(steps)
     moved = comm.bcast(shared.gather(shared.part.displacements))
-    check(results(coupled, comm, moved), run(MPI.COMM_SELF, **options))
+    check(results(coupled, comm, moved), run(MPI.COMM_SELF, steps=steps, **options), limit)
 
 
 def compare(variant, **options):
     check(run(comm, variant, **options), run(MPI.COMM_SELF, variant, **options))
 
 
-def check(shared, alone):
+def check(shared, alone, limit=1e-9):
     nodes, particles, energies, mismatch = shared
     scale = np.abs(alone[1]).max()
-    np.testing.assert_allclose(nodes, alone[0], rtol=0.0, atol=1e-9 * scale)
-    np.testing.assert_allclose(particles, alone[1], rtol=0.0, atol=1e-9 * scale)
+    np.testing.assert_allclose(nodes, alone[0], rtol=0.0, atol=limit * scale)
+    np.testing.assert_allclose(particles, alone[1], rtol=0.0, atol=limit * scale)
     for name, value in alone[2].items():
         assert energies[name] == pytest.approx(value, abs=1e-8 * abs(alone[2]["external"]))
     assert mismatch == pytest.approx(alone[3], rel=1e-3, abs=1e-13)

@@ -36,11 +36,11 @@ def layer(**options):
     return body
 
 
-def plane(**options):
-    """The hexagonal lattice under a traction."""
+def plane(share=1.0, **options):
+    """The hexagonal lattice under a traction, or a share of it."""
     body = Lattice(packings.hexagonal(Box((0, 0), (0.03, 0.02)), D / 2), D, ROCK, **options)
     body.hold(lambda x: x[:, 0] < D, "xy")
-    body.traction(lambda x: x[:, 0] > 0.0285, (3e6, 1e6))
+    body.traction(lambda x: x[:, 0] > 0.0285, (3e6 * share, 1e6 * share))
     return body
 
 
@@ -71,6 +71,12 @@ def test_motion_energies_and_broken_bonds_are_those_of_one_rank(make):
     largest = max(abs(value) for name, value in energies.items() if name != "broken_bonds")
     assert energies == pytest.approx(alone.energies(), abs=1e-9 * largest)
     assert COMM.size == 1 or sum(one["particles"] for one in parallel["ranks"]) == alone.count
+
+
+def test_elastic_motion_is_the_same_to_1e_10_after_1000_steps():
+    alone, (displacement, velocity, energies, *_) = compared(lambda: plane(0.05), 500)
+    assert energies["broken_bonds"] == 0
+    np.testing.assert_allclose(displacement, alone.displacement, rtol=0, atol=1e-10 * np.abs(alone.displacement).max())
 
 
 def test_a_rank_may_have_no_rows():
