@@ -1,6 +1,6 @@
 """Lattices and bodies of lattice particles and elements on one rank and on several: cost of a step; writes JSON, prints a table.
 
-    python3 -m benchmarks.lattices [--ranks 1,2] [--output lattices.json]
+    python3 -m benchmarks.lattice_ranks [--ranks 1,2] [--output lattice_ranks.json]
 """
 
 import argparse
@@ -95,7 +95,7 @@ def measured(make):
 def on_ranks(ranks, name):
     """What `measured` finds of a case on that many ranks."""
     command = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
-    command += [sys.executable, "-m", "benchmarks.lattices", "--case", name]
+    command += [sys.executable, "-m", "benchmarks.lattice_ranks", "--case", name]
     made = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True, env=PLAIN).stdout
     return json.loads(made[made.index("{") : made.rindex("}") + 1])
 
@@ -110,7 +110,7 @@ def _less(now, before):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ranks", default="1,2")
-    parser.add_argument("--output", type=Path, default=Path("out/benchmarks/lattices.json"))
+    parser.add_argument("--output", type=Path, default=Path("out/benchmarks/lattice_ranks.json"))
     parser.add_argument("--case", choices=CASES, help="this one, here")
     options = parser.parse_args()
     if options.case:
