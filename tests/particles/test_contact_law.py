@@ -23,7 +23,7 @@ def _jump(soil, places, turn):
     system.velocity[rows, :3] = increment
     system.position[rows, :2] = places
     system.acceleration[:] = 0.0
-    evaluate(system, terms, 1.0)
+    evaluate(system, terms, 1.0, None, None)
     return soil.forces
 
 
@@ -63,7 +63,7 @@ def test_rolling_drives_couples_of_the_stated_size():
     radius = arms.prod() / arms.sum()
     before = soil.forces[:, :2]
     system.velocity[rows, 2] = [phi, 0.0]
-    evaluate(system, terms, 1.0)
+    evaluate(system, terms, 1.0, None, None)
     expected = (7e2 + radius**2 * 1e6) * phi
     np.testing.assert_allclose(soil.forces[:, 2], [-expected, expected], rtol=1e-12)
     np.testing.assert_allclose(soil.forces[:, :2], before, rtol=1e-12)

@@ -250,7 +250,7 @@ def test_below_its_limits_the_force_is_minus_the_gradient_of_the_stored_energy(c
                 getattr(system, place)[:, :3] += step
                 getattr(system, motion)[:, :3] = step
                 getattr(system, change)[:, :3] = -2.0 * step  # no rates at the end of the step
-            evaluate(system, terms, 1.0)
+            evaluate(system, terms, 1.0, None, None)
             energies.append(sum(stored(soil, contacts(soil)).values()) + spent(soil).sum() - before)
         slope = (energies[1] - energies[0]) / 2e-9
         # energy of some J known to 1e-15; third derivatives of contacts of 1e-4 m: (1e-9 / 1e-4)^2

@@ -188,7 +188,7 @@ def test_pruned_lists_are_those_of_a_search(make, monkeypatch):
     runs = []
     for searching in (False, True):
         if searching:
-            monkeypatch.setattr(listing, "_holds", lambda outer, soil: False)
+            monkeypatch.setattr(listing, "holds", lambda soil: False)
         soil = make()
         soil.system.clock[SKIN_SCALE] = 0.0  # as if the caller had given the skin
         soil._set_skin(1e-4)
