@@ -5,23 +5,19 @@
 
 import argparse
 import json
-import os
 import resource
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 
+from benchmarks.ranks import on_ranks
 from bridge.manifold import Manifold
 from meshes import Box, packings
 from particles.crew import lead
 from particles.lattice import Lattice, LatticeMaterial
 
-ROOT = Path(__file__).resolve().parents[1]
-PLAIN = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "OMPI_MCA_orte", "PMIX", "PMI_"))}
 SPACING = 1e-3
 ROCK = {"young_modulus": 12.5e9, "poisson_ratio": 0.2, "density": 2650.0}
 STEPS, REPEATS = 50, 12  # the best of several runs: the cores may be shared with other work
@@ -92,14 +88,6 @@ def measured(make):
     return {"step": best, "made": made, "broken_bonds": broken, "ranks": found, "megabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}
 
 
-def on_ranks(ranks, name):
-    """What `measured` finds of a case on that many ranks."""
-    command = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
-    command += [sys.executable, "-m", "benchmarks.lattice_ranks", "--case", name]
-    made = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True, env=PLAIN).stdout
-    return json.loads(made[made.index("{") : made.rindex("}") + 1])
-
-
 def _less(now, before):
     return {
         "particles": now["particles"], "halo": now["halo"],
@@ -122,7 +110,7 @@ def main():
     report: dict = {}
     for name in CASES:
         for ranks in map(int, options.ranks.split(",")):
-            found = report.setdefault(name, {})[ranks] = on_ranks(ranks, name)
+            found = report.setdefault(name, {})[ranks] = on_ranks(ranks, "lattice_ranks", name)
             alone = report[name].get(1, found)["step"]
             shares = "; ".join(
                 " + ".join(f"{1e3 * value:.3f} {what}" for what, value in one["seconds"].items()) + f", {one['particles']} rows, halo {one['halo']}"

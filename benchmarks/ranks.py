@@ -71,6 +71,14 @@ def measured(make):
     return best
 
 
+def on_ranks(count, module, case):
+    """What a benchmark's `--case` prints on that many ranks, in processes of their own."""
+    command = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", str(count)] if count > 1 else []
+    command += [sys.executable, "-m", f"benchmarks.{module}", "--case", case]
+    made = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True, env=PLAIN).stdout
+    return json.loads(made[made.index("{") : made.rindex("}") + 1])
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ranks", default="1,2")
@@ -86,10 +94,7 @@ def main():
     report: dict = {}
     for name in CASES:
         for ranks in map(int, options.ranks.split(",")):
-            command = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
-            command += [sys.executable, "-m", "benchmarks.ranks", "--case", name]
-            made = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True, env=PLAIN).stdout
-            found = report.setdefault(name, {})[ranks] = json.loads(made[made.index("{") : made.rindex("}") + 1])
+            found = report.setdefault(name, {})[ranks] = on_ranks(ranks, "ranks", name)
             alone = report[name].get(1, found)["step"]
             print(
                 f"{name:16s}{ranks:3d} ranks {1e3 * found['step']:8.3f} ms a step, {alone / found['step']:5.2f} times one rank; "

@@ -12,8 +12,6 @@ latency and the width of a network that are given.
 import argparse
 import json
 import os
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -109,12 +107,8 @@ def shares(kind, model, per_halo, latency, width):
 
 
 def run(kind, size, stripes):
-    """One measurement, in a process (or two) of its own."""
-    count = 1 if stripes == 0 else 2
-    command = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", str(count)] if count > 1 else []
-    command += [sys.executable, "-m", "benchmarks.scaling", "--case", f"{kind},{size},{max(stripes, 1)}"]
-    made = subprocess.run(command, cwd=ranks.ROOT, check=True, stdout=subprocess.PIPE, text=True, env=ranks.PLAIN).stdout
-    return json.loads(made[made.index("{") : made.rindex("}") + 1])
+    """One measurement; no stripes: on one rank."""
+    return ranks.on_ranks(2 if stripes else 1, "scaling", f"{kind},{size},{max(stripes, 1)}")
 
 
 def main():

@@ -294,11 +294,10 @@ def run_slaved(
         if list_used_up(system, linear, halo):
             return j
         forces(system, terms, linear, h, border, halo)
-        end_forces(system, terms, linear, h, halo, None)
         _save(system, ghosts, saved)
         _react(system, ghosts, saved, reaction, h, work)
         _nodal_sum(ghosts, reaction, sums)
-        sum_together(halo, sums)
+        end_forces(system, terms, linear, h, halo, sums)
         last = j == steps - 1
         for i in range(nodal.shape[1]):
             for component in range(3):
@@ -340,7 +339,6 @@ def run_tied(
         if list_used_up(system, linear, halo):
             return j
         forces(system, terms, linear, h, border, halo)
-        end_forces(system, terms, linear, h, halo, None)
         part = (j + 1.0) / steps
         nodal[:] = (1.0 - part) * start + part * end
         _at_ghosts(ghosts, nodal, residual)
@@ -353,7 +351,7 @@ def run_tied(
                 free = half + 0.5 * h * pull / tie.damper
                 residual[k, component] = (free - residual[k, component]) * tie.stiffness[k, component]
         _nodal_sum(ghosts, residual, right)
-        sum_together(halo, right)
+        end_forces(system, terms, linear, h, halo, right)
         for component in range(3):
             nodal[:, component] = tie.inverse[component] @ np.ascontiguousarray(right[:, component])
         _at_ghosts(ghosts, nodal, multiplier)

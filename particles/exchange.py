@@ -196,7 +196,7 @@ class SharedAssembly(Gathered):
 
     @property
     def across(self) -> tuple[Any, Any]:
-        """Border and halo for `particles.motion.evaluate_with`; of the present list."""
+        """Border and halo for `particles.motion.evaluate`; of the present list."""
         return self._border, self._halo
 
     def _agree_on_servos(self) -> None:

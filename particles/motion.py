@@ -262,24 +262,19 @@ def _all_pairs_of(border, terms, step):
 
 
 @njit(**MERGED_STEPS)
-def evaluate(system, terms, step):
+def evaluate(system, terms, step, border, halo):
     """Forces (loads, walls, pair contacts) at the present positions; histories advance by the step just moved.
 
     Row velocities must be those of the middle of the step (step times velocity = displacement since the last evaluation).
+    Contacts across the borders of this rank are in it (`border`, `halo`; both None on one rank, collective otherwise).
     """
-    evaluate_with(system, terms, step, None, None)
-
-
-@njit(**MERGED_STEPS)
-def evaluate_with(system, terms, step, border, halo):
-    """`evaluate` with contacts across the borders of this rank (both None on one rank); collective."""
     evaluate_pairs(system, terms, step, border, halo)
     end_wall_forces(system, terms, step, halo, None)
 
 
 @njit(**MERGED)
 def evaluate_pairs(system, terms, step, border, halo):
-    """`evaluate_with` before `particles.walls.contact.end_wall_forces`, which may sum more than the reactions on walls.
+    """`evaluate` before `particles.walls.contact.end_wall_forces`, which may sum more than the reactions on walls.
 
     Messages are under way while the contacts within this rank are computed.
     """

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from particles.assembly import Assembly
 
 
-evaluate, hold = Direct(motion.evaluate_with), Direct(hold_walls)
+evaluate, hold = Direct(motion.evaluate), Direct(hold_walls)
 _see_all = Direct(see_all)
 
 

@@ -16,7 +16,7 @@ from particles.walls.servo import set_contact_constants
 if TYPE_CHECKING:
     from particles.assembly import Assembly
 
-advance, _evaluate, _kick = Direct(motion.advance), Direct(motion.evaluate_with), Direct(motion.kick)
+advance, _evaluate, _kick = Direct(motion.advance), Direct(motion.evaluate), Direct(motion.kick)
 _stale, _runaway = Direct(motion.stale), Direct(motion.runaway)
 
 

@@ -32,9 +32,9 @@ def _by_parts(system, terms, steps, step):
     """All forces first, then all rows, as the building blocks have it."""
     drift(system, terms, step)
     for _ in range(steps - 1):
-        evaluate(system, terms, step)
+        evaluate(system, terms, step, None, None)
         kick_drift(system, terms, step)
-    evaluate(system, terms, step)
+    evaluate(system, terms, step, None, None)
     kick(system, terms, step)
 
 
