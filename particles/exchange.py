@@ -119,10 +119,9 @@ class SharedAssembly(Gathered):
             Unstable: a particle of any rank has no finite position or velocity.
         """
         part, clock = self.part, self.part._system.clock
-        travel = np.array([clock[TRAVEL], clock[SKIN_SCALE], part.skin])  # one skin for all
-        self.comm.Allreduce(MPI.IN_PLACE, travel, op=MPI.MAX)
-        clock[TRAVEL], clock[SKIN_SCALE] = travel[:2]
-        part._set_skin(travel[2])
+        common = np.array([clock[TRAVEL], clock[SKIN_SCALE]])  # and so one skin for all
+        self.comm.Allreduce(MPI.IN_PLACE, common, op=MPI.MAX)
+        clock[TRAVEL], clock[SKIN_SCALE] = common
         listing.fit(part)
         if self._border is None or not self._pruned():
             self._search()

@@ -85,14 +85,14 @@ def test_ranks_without_particles_take_part():
         np.testing.assert_allclose(found, alone.positions, rtol=0, atol=1e-13)
 
 
-def halves():
+def halves(speed):
     """A gas with gaps of up to 0.02 m, one half of it looser: a skin that fits one half is not that which fits the other."""
     dense, loose = 1.1 * square_lattice(80, 30), 2.5 * square_lattice(30, 12)
     random = np.random.default_rng(2)
     places = np.vstack([dense, loose + [8.9, 0.0]])
     soil = Assembly(places + random.uniform(-0.005, 0.005, places.shape), 0.05, law=ALL)
-    soil.velocities = np.column_stack([random.normal(0.0, 0.1, places.shape), np.zeros(len(places))])
-    return soil, 2e-5, {}
+    soil.velocities = np.column_stack([random.normal(0.0, speed, places.shape), np.zeros(len(places))])
+    return soil
 
 
 def missing_pairs(shared):
@@ -109,17 +109,23 @@ def missing_pairs(shared):
     return [pair for pair in near - listed if np.isin(pair, shared.ids).any()]
 
 
-def test_lists_of_all_ranks_reach_as_far_as_they_say():
-    """Whatever skin would fit a rank's own particles, and whether a list is pruned from an outer one or searched."""
-    shared = SharedAssembly(lambda: halves()[0], COMM)
-    searched = [0]
-    search = shared._search
-    shared._search = lambda: (searched.append(1), search())
+@pytest.mark.parametrize("speed, steps", [(0.1, 150), (30.0, 20)])
+def test_lists_of_all_ranks_reach_as_far_as_they_say(speed, steps):
+    """Whatever skin would fit a rank's own particles, whether a list is pruned from an outer one or searched, and within a run."""
+    shared = SharedAssembly(lambda: halves(speed), COMM)
+    rebuild, search, searched, missing, skins = shared.rebuild, shared._search, [], [], []
+
+    def checked():
+        rebuild()
+        missing.extend(missing_pairs(shared))
+        skins.append(len(set(COMM.allgather(shared.part.skin))))
+
+    shared.rebuild, shared._search = checked, lambda: (searched.append(1), search())
     for _ in range(12):
-        shared.advance(150, 2e-5)
+        shared.advance(steps, 2e-5)
         shared.rebuild()
-        assert not missing_pairs(shared)
-    assert 0 < sum(searched) < shared.rebuilds - 2
+    assert not missing and max(skins) == 1
+    assert 0 < len(searched) < shared.rebuilds - 2
 
 
 def test_particles_that_blow_up_on_one_rank_stop_all():
