@@ -5,7 +5,6 @@
 
 import argparse
 import json
-import os
 import subprocess
 import sys
 import time
@@ -15,12 +14,12 @@ import numpy as np
 from mpi4py import MPI
 
 from benchmarks import scenes
+from benchmarks.peers.common import PLAIN
 from benchmarks.peers.compare import SPHERES, face_centred_cubic
 from particles import Assembly
 from particles.exchange import SharedAssembly
 
 ROOT = Path(__file__).resolve().parents[1]
-PLAIN = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "OMPI_MCA_orte", "PMIX", "PMI_"))}
 STEPS, REPEATS = 5, 100  # the best of many short runs: the cores may be shared with other work
 
 

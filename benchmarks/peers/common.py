@@ -22,6 +22,10 @@ ENVIRONMENT = {
     "OMPI_MCA_btl": "^tcp",
 }  # fmt: skip
 
+# Without what MPI leaves behind in a process that uses it, or in one started by such a process: mpirun would take itself for its part.
+_LEFT = ("OMPI_COMM", "OMPI_APP", "OMPI_MCA_orte", "OMPI_MCA_ess", "OMPI_MCA_pmix", "PMIX", "PMI_")
+PLAIN = {name: value for name, value in os.environ.items() if not name.startswith(_LEFT)}
+
 PATIENCE = 900.0  # s, longest run of a peer
 
 
@@ -133,7 +137,7 @@ def launch(command: list[str], folder: Path | str, **environment: str) -> str:
     try:
         run = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE,
-            env={**os.environ, **ENVIRONMENT, **environment},
+            env={**PLAIN, **ENVIRONMENT, **environment},
         )  # fmt: skip
     except subprocess.TimeoutExpired as late:
         raise Failed(f"{command[0]}: no result in {PATIENCE:g} s") from late
