@@ -67,7 +67,7 @@ class SharedScale(FineScale):
         if self.ghosts_move_by_themselves:
             self._tie = whole._tie._replace(stiffness=whole._tie.stiffness[mine])
         self.comm, self._first_rank, self._mine = shared.comm, shared.comm.rank == 0, mine
-        self._work = whole._work.copy() if self._first_rank else np.zeros(1)
+        self._work = whole._work.copy()  # zero at the start, later what this rank had
         self._projections: dict[bool, SpreadProjection] = {}
         self.rearrange()
 

@@ -67,7 +67,7 @@ def cell_corners(mesh) -> np.ndarray:
 
 
 def model_to_mesh(gmshio, model, comm, axes: int, known_by: Any) -> tuple[Any, Any, Any]:
-    """`gmshio.model_to_mesh` of rank 0's model; `known_by` as for `partitioner`, or None for dolfinx's own way."""
+    """`gmshio.model_to_mesh` of rank 0's model; `known_by` as for `partitioner`, None on one rank."""
     if known_by is None:
         return gmshio.model_to_mesh(model, comm, 0, gdim=axes)
     if "partitioner" in inspect.signature(gmshio.model_to_mesh).parameters:  # since 0.6

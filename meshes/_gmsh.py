@@ -47,7 +47,7 @@ def session():
                 gmsh.option.setNumber(name, value)
 
 
-def mesh_of(build, comm, costs=None):
+def mesh_of(build, comm, costs):
     """Mesh, cell tags and facet tags of the model that `build(gmsh)` makes on rank 0; its ValueError on every rank.
 
     `build` returns the number of dimensions; `costs` as for `domains.rectangle`.
@@ -63,7 +63,7 @@ def mesh_of(build, comm, costs=None):
             try:
                 gmsh = stack.enter_context(session())
                 axes = build(gmsh)
-                if costs is not None and comm.size > 1:
+                if comm.size > 1:
                     corners = _compat.gmsh_cell_corners(gmshio, gmsh.model, axes)
                     known_by = partition.destinations(corners, costs, comm.size)
             except ModuleNotFoundError:

@@ -1,7 +1,8 @@
 """Meshes with named parts: structured rectangles and boxes, graded gmsh meshes, a user's own .msh file.
 
-Needs dolfinx, and gmsh where it meshes or reads. All functions are collective; rank 0 builds, dolfinx distributes: by its
-graph partitioner, all cells alike, or by what the caller says that they cost.
+Needs dolfinx, and gmsh where it meshes or reads. All functions are collective; rank 0 builds, dolfinx distributes: all cells alike,
+or by what the caller says that they cost; the same on each start, as the bits of a resumed run need (the graph partitioners of dolfinx
+give other parts from call to call).
 """
 
 from __future__ import annotations
@@ -84,8 +85,8 @@ def rectangle(
         cell: "quadrilateral" or "triangle" (two a rectangle).
         plate: width (m) of the strip in the middle of the top called "plate"; only facets wholly under it count.
         comm: MPI communicator.
-        costs: function of the corners (cells, nodes, axes) of all cells (m) giving their costs (cells,), particles and all; the ranks
-            then get cells of even cost, side by side. Called on rank 0.
+        costs: function of the corners (cells, nodes, axes) of all cells (m) giving their costs (cells,), particles and all (all
+            alike by default); the ranks get cells of even cost, side by side. Called on rank 0.
     """
     lower, upper, counts = _structure(lower, upper, cells, cell, 2)
 
@@ -104,7 +105,7 @@ def rectangle(
 
 def _spread(make, comm, costs: partition.Costs | None):
     """The mesh that `make` gives on a communicator, its cells shared out by their costs."""
-    if costs is None or comm.size == 1:
+    if comm.size == 1:
         return make(comm)
     known_by, error = None, None
     if comm.rank == 0:

@@ -18,7 +18,7 @@ class Destinations(NamedTuple):
     start: np.ndarray  # (cells + 1,)
 
 
-def destinations(corners: np.ndarray, costs: Costs, ranks: int) -> Destinations:
+def destinations(corners: np.ndarray, costs: Costs | None, ranks: int) -> Destinations:
     """Where to send each cell; arguments as for `ranks_of`."""
     owner = ranks_of(corners, costs, ranks)
     cells, nodes, axes = corners.shape
@@ -32,7 +32,7 @@ def destinations(corners: np.ndarray, costs: Costs, ranks: int) -> Destinations:
     return Destinations(other[order].astype(np.int32), np.searchsorted(cell[order], np.arange(cells + 1)))
 
 
-def ranks_of(corners: np.ndarray, costs: Costs, ranks: int) -> np.ndarray:
+def ranks_of(corners: np.ndarray, costs: Costs | None, ranks: int) -> np.ndarray:
     """Rank (cells,) of each cell.
 
     Cells are sorted along the longest side of the box around their middles and cut where the costs on either side go best with the
@@ -41,13 +41,13 @@ def ranks_of(corners: np.ndarray, costs: Costs, ranks: int) -> np.ndarray:
 
     Args:
         corners: (cells, nodes a cell, axes), m.
-        costs: function of the corners giving the cost (cells,) of each cell, not negative.
+        costs: function of the corners giving the cost (cells,) of each cell, not negative; None for cells that are all alike.
         ranks: how many; some get nothing where there are fewer cells.
 
     Raises:
         ValueError: the costs have another shape or are negative.
     """
-    found = np.asarray(costs(corners), dtype=float)
+    found = np.ones(len(corners)) if costs is None else np.asarray(costs(corners), dtype=float)
     if found.shape != (len(corners),) or not np.all((found >= 0.0) & np.isfinite(found)):
         raise ValueError(f"costs={costs} must give one number, zero or positive, for each of {len(corners)} cells")
     result = np.zeros(len(corners), dtype=np.int32)

@@ -25,7 +25,7 @@ from particles.motion import FINISHED, Unstable, done_with
 from particles.owners import LIMIT, PAIR, Owners
 from particles.parts import all_pairs, loaded, unload
 from particles.ranks import renew
-from particles.state import restore
+from particles.state import State, restore, state_of
 from particles.system import SKIN_SCALE, SUMS, TRAVEL, Terms
 from particles.walls.history import recorded, recording
 from particles.walls.listing import driven
@@ -41,6 +41,12 @@ _renew, _done_with = Direct(renew), Direct(done_with)
 _ASSIGNED = [*range(VELOCITY, VELOCITY + 6), *range(LOAD, LOAD + 6), GIVEN, DRIVEN]  # columns of a body
 
 
+def of_as_many(state: State | None, size: int) -> State | None:
+    """The states of ranks in a state of a whole scene, where there are as many."""
+    ranks: State | None = None if state is None else state.get("ranks")
+    return ranks if ranks is not None and len(ranks) == size else None
+
+
 class SharedAssembly(Gathered):
     """An assembly whose particles are spread over the ranks of a communicator; construction and methods are collective.
 
@@ -51,6 +57,7 @@ class SharedAssembly(Gathered):
         limit: growth of the imbalance (work of the busiest rank over the mean) at which the work is shared out anew.
         owner: (n,) the rank that each particle, by id, belongs to for good; shared out by work when None.
         whole: what `make` makes, where rank 0 has it already.
+        ranks: on rank 0 `states` of a run of as many ranks, to go on from; `whole` has the same state.
 
     Attributes:
         part: the particles that this rank owns, an `Assembly` with ids of its own.
@@ -60,7 +67,7 @@ class SharedAssembly(Gathered):
 
     def __init__(
         self, make: Callable[[], Assembly], comm: Any = MPI.COMM_WORLD, room: int = 0, limit: float = LIMIT,
-        owner: np.ndarray | None = None, whole: Assembly | None = None,
+        owner: np.ndarray | None = None, whole: Assembly | None = None, ranks: State | None = None,
     ) -> None:  # fmt: skip
         self.comm, self._make, self._room, self._limit, self._owner = comm, make, room, limit, owner
         self.whole = make() if comm.rank == 0 and whole is None else whole
@@ -68,11 +75,12 @@ class SharedAssembly(Gathered):
         self._seconds = np.zeros(2)
         self._stepping = 0.0
         self.rebuilds = 0
-        self._take_part(make())
+        self._take_part(make(), ranks)
 
-    def _take_part(self, part: Assembly) -> None:
-        """Leave of the whole scene what this rank owns."""
+    def _take_part(self, part: Assembly, ranks: State | None) -> None:
+        """Leave of the whole scene what this rank owns, or owned in a state of as many ranks, which rank 0 has."""
         comm = self.comm
+        known = comm.scatter([None] * comm.size if ranks is None else [ranks[str(rank)] for rank in range(comm.size)])
         self.count, self.axes = part.count, part.axes
         self.part, self._signs = part, part._laws.signs
         self._border: Any = None
@@ -85,11 +93,39 @@ class SharedAssembly(Gathered):
         self.owners = Owners(MPI.COMM_SELF if comm.size == 1 else comm, self._limit)
         self.ids = np.arange(self.count)
         self._known = all_pairs(part, self.ids, self.count)
-        owner = self._shared_out() if self._owner is None else self._owner
-        own = loaded(part, self.ids, np.flatnonzero(owner == comm.rank), self._known)
-        self.ids, self._known = unload(part, [own], self.count)
+        if known is None:
+            owner = self._shared_out() if self._owner is None else self._owner
+            own = np.flatnonzero(owner == comm.rank)
+        else:
+            own = known["ids"]
+        self.ids, self._known = unload(part, [loaded(part, self.ids, own, self._known)], self.count)
         part._calling = CALLING
-        self.rebuild()
+        if known is None:
+            self.rebuild()
+        else:
+            self._go_on(known)
+
+    def _go_on(self, state: State) -> None:
+        """Put the state of this rank back, of `states`."""
+        restore(self.part, state["part"])
+        self._restore_border(state["border"])
+        self.owners.restore(state["owners"])
+        self._breaks, self.rebuilds = [np.array(state["breaks"])], int(state["rebuilds"])
+        _renew(self._halo, self._border, self.part._laws.viscous)
+
+    def states(self) -> State | None:
+        """What every rank has, to go on from to the same bits on as many ranks; complete on rank 0, after `collect` (collective)."""
+        own = {
+            "ids": self.ids, "part": state_of(self.part), "border": self._border_state(), "owners": self.owners.state(),
+            "breaks": self._breaks[0], "rebuilds": self.rebuilds,
+        }  # fmt: skip
+        found = self.comm.gather(own)
+        return None if found is None else {str(rank): one for rank, one in enumerate(found)}
+
+    def state(self) -> State:
+        """State of the whole scene as of `particles.state.state_of` with those of the ranks, on rank 0; empty elsewhere (collective)."""
+        whole, ranks = self.collect(), self.states()
+        return {} if whole is None else state_of(whole) | {"ranks": ranks}
 
     def _shared_out(self) -> np.ndarray:
         """Rank (n,) of each particle by id, where all ranks have all of them: boxes of even work."""
@@ -98,17 +134,20 @@ class SharedAssembly(Gathered):
         self.owners.cut(places[mine], self._weights()[mine], scale)
         return self.owners.of(places)[self.part._rows]
 
-    def restore(self, state: dict[str, Any] | None) -> None:
-        """Go on from a state of `particles.state.state_of` of the whole scene, which rank 0 has.
+    def restore(self, state: State | None) -> None:
+        """Go on from a `state`, or one of `particles.state.state_of` of the whole scene, which rank 0 has.
+
+        As many ranks as have written it go on to the same bits; others share the particles out anew.
 
         Raises:
             ValueError: the particles, walls or contact laws are not the same.
         """
-        state = self.comm.bcast(state, root=0)
+        ranks = of_as_many(state, self.comm.size)
+        state = self.comm.bcast(None if state is None else {name: one for name, one in state.items() if name != "ranks"}, root=0)
         part = self._make()
         for soil in (part,) if self.whole is None else (part, self.whole):
             restore(soil, state)
-        self._take_part(part)
+        self._take_part(part, ranks)
 
     # Lists and halos ---------------------------------------------------------------------------------------------------
 

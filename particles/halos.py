@@ -107,6 +107,9 @@ class Bordering:
     _halo_skin: float  # how far the halo reaches beyond both radii, m
     _within: np.ndarray  # (2, pairs) int32: lower and higher row of all pairs within the halo
     _listed: np.ndarray  # those of them that are listed
+    _guests: np.ndarray  # (k, 10) what other ranks have told of the halo's rows
+    _sent: np.ndarray  # (ranks,) rows that each rank needs
+    _received: np.ndarray  # (ranks,) rows that come from each
 
     def _units(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places of the rows (n, axes), along periodic axes as shares of the edge; length of a unit (axes,), m; which axes repeat."""
@@ -139,7 +142,8 @@ class Bordering:
         replies = [used[(used >= a) & (used < b)] - a for a, b in zip(bounds[:-1], bounds[1:])]
         asked = comm.alltoall(replies)
         rows = [wanted[other][asked[other]] for other in range(comm.size)]
-        self._set_rows(guests[used], one, np.searchsorted(used, guest))
+        self._set_rows(guests[used])
+        self._list_within(one, part.count + np.searchsorted(used, guest))
         self._set_messages(rows, [len(reply) for reply in replies])
 
     def _near_boxes(self, reach: float) -> list[np.ndarray]:
@@ -189,8 +193,8 @@ class Bordering:
         mixed = np.flatnonzero((second >= len(own)) & ~(led[first] & led[second]))  # guests are never first
         return own[first[mixed]], second[mixed] - len(own)
 
-    def _set_rows(self, guests: np.ndarray, one: np.ndarray, guest: np.ndarray) -> None:
-        """Rows of the halo, and two more far from each other, behind the own ones; the pairs (k,) of own rows and guests."""
+    def _set_rows(self, guests: np.ndarray) -> None:
+        """Rows of the halo (k, 10), as `_rows_sent` has them, and two more far from each other, behind the own ones."""
         part, system = self.part, self.part._system
         count, more = part.count, len(guests)
         long: dict[str, Any] = {}
@@ -210,17 +214,20 @@ class Bordering:
             long["material"] = np.concatenate([system.material, guests[:, 6].astype(np.int32), np.zeros(2, dtype=np.int32)])
         if system.share is not None:
             long["share"] = np.concatenate([system.share, guests[:, 7:9], np.ones((2, 2))])
+        self._guests = guests
         self._numbers = np.concatenate([self.ids[part._ids], guests[:, 0].astype(np.int64)])  # of the rows, halo and all
-        other = count + guest
+        self._border = part._system._replace(
+            scratch=aligned((SCRATCH,)), sums=self._border_sums, walls=None, records=None, held=None, external=None, **long
+        )
+
+    def _list_within(self, one: np.ndarray, other: np.ndarray) -> None:
+        """The pairs (k,) of own rows and rows of the halo, and of these the list, with histories from `_known`."""
         exchanged = self._numbers[one] > self._numbers[other]
         first, second = np.where(exchanged, other, one), np.where(exchanged, one, other)
         order = np.argsort(one, kind="stable")
         self._within = np.array([first[order], second[order]], dtype=np.int32)
         history = np.zeros((len(self._signs), len(one)))
         self._known.of(self._numbers[self._within[0]], self._numbers[self._within[1]], history)
-        self._border = part._system._replace(
-            scratch=aligned((SCRATCH,)), sums=self._border_sums, walls=None, records=None, held=None, external=None, **long
-        )
         self._list_border(history)
 
     def _list_border(self, known: np.ndarray) -> None:
@@ -229,14 +236,18 @@ class Bordering:
         near = pruning.near(self._within, border.position, self.axes, part.skin, border.cell)
         if part._laws.has_bonds:
             near |= known[0] > 0.5
-        self._listed = np.flatnonzero(near)
-        count, rows = len(self._listed), len(border.position)
+        self._set_list(np.flatnonzero(near), known)
+
+    def _set_list(self, listed: np.ndarray, known: np.ndarray) -> None:
+        """List these of the pairs within the halo; `known` as for `_list_border`."""
+        border, self._listed = self._border, listed
+        count, rows = len(listed), len(border.position)
         whole = -(-count // WIDTH) * WIDTH
         lines = np.zeros((2, whole + ROOM), dtype=np.int32)
         lines[0, :whole], lines[1, :whole] = rows - 2, rows - 1
-        lines[:, :count] = self._within[:, self._listed]
+        lines[:, :count] = self._within[:, listed]
         history = aligned((len(known), whole + ROOM))
-        history[:, :count] = known[:, self._listed]
+        history[:, :count] = known[:, listed]
         self._border = border._replace(
             start=np.array([0, count], dtype=np.int32), first=lines[0].copy(), second=lines[1].copy(), history=history,
             breaks=None if border.breaks is None else room_for_breaks(history),
@@ -248,12 +259,28 @@ class Bordering:
         found[:, self._listed] = self._border.history[:, : len(self._listed)]
         return found
 
+    def _border_state(self) -> dict[str, Any]:
+        """Halo and list of contacts across the border as named arrays: rows and pairs stay in their order."""
+        return {
+            "guests": self._guests, "within": self._within, "listed": self._listed, "history": self._border_histories(),
+            "rows": self._halo.rows, "sent": self._sent, "received": self._received, "skin": self._halo_skin, "sums": self._border_sums,
+        }  # fmt: skip
+
+    def _restore_border(self, state: dict[str, Any]) -> None:
+        """Put halo and list back; neighbours do the same."""
+        self._halo_skin, self._within = float(state["skin"]), np.array(state["within"])
+        self._set_rows(np.array(state["guests"]))
+        self._set_list(np.array(state["listed"]), state["history"])
+        self._border_sums[:] = state["sums"]
+        self._set_messages(np.split(state["rows"], np.cumsum(state["sent"])[:-1]), state["received"].tolist())
+
     def _set_messages(self, rows: list[np.ndarray], received: list[int]) -> None:
         """Persistent messages to and from the neighbours."""
         comm, part = self.comm, self.part
         for request in self._requests:
             request.Free()
         width = numbers(self.axes == 3, part._laws.viscous is not None)
+        self._sent, self._received = np.array([len(one) for one in rows]), np.array(received)
         walls = part._system.walls
         room = 0 if walls is None else 6 * len(walls.wall) + len(walls.body)
         self._halo, self._requests = halo_of(

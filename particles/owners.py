@@ -35,6 +35,16 @@ class Owners:
         self._reached: float | None = None  # imbalance after the last cut
         self.cuts = self.handed = 0
 
+    def state(self) -> dict[str, Any]:
+        """Boxes and counts, to go on from."""
+        reached = np.nan if self._reached is None else self._reached
+        return {"boxes": self._boxes, "counts": np.array([self.cuts, self.handed]), "reached": reached}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from a state."""
+        self._boxes, (self.cuts, self.handed) = np.array(state["boxes"]), (int(number) for number in state["counts"])
+        self._reached = None if np.isnan(state["reached"]) else float(state["reached"])
+
     def cut(self, places: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> None:
         """Cut the boxes anew.
 

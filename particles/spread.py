@@ -13,11 +13,12 @@ from typing import Any
 
 from particles.assembly import Assembly
 from particles.cell import checked_gradient
-from particles.crew import Crew, crew
-from particles.exchange import SharedAssembly
+from particles.crew import Crew, crew, ranks
+from particles.exchange import SharedAssembly, of_as_many
 from particles.parts import sent
 from particles.state import State
 from particles.state import restore as restore_whole
+from particles.state import state_of as state_of_whole
 
 _KNOWN = frozenset((
     "count", "axes", "freedoms", "cell", "plates", "time", "reference", "radii", "masses", "inertias", "laws", "all_laws", "held",
@@ -25,10 +26,21 @@ _KNOWN = frozenset((
 _CHANGES = frozenset(("hold", "bond", "set_ghosts", "add_wall", "weigh"))
 
 
+def state_of(soil: Any) -> State:
+    """State of an assembly, spread or not, see `particles.state.state_of`; with those of its ranks."""
+    if not isinstance(soil, SpreadAssembly):
+        return state_of_whole(soil)
+    if soil._shared is None:
+        return state_of_whole(soil._soil) | ({} if soil._ranks is None else {"ranks": soil._ranks})
+    soil._fresh = True
+    return soil._order("state")
+
+
 def restore(soil: Any, state: State) -> None:
-    """Put a state of `particles.state.state_of` into an assembly, spread or not."""
+    """Put a state of `state_of` into an assembly, spread or not."""
     if isinstance(soil, SpreadAssembly):
         soil._change(lambda whole: restore_whole(whole, state))
+        soil._ranks = of_as_many(state, ranks())
     else:
         restore_whole(soil, state)
 
@@ -44,9 +56,9 @@ def spread(soil: Assembly) -> Any:
     return soil if following is None else SpreadAssembly(soil, following)
 
 
-def _parts(comm: Any, whole: Assembly | None = None) -> SharedAssembly:
-    """This rank's part of an assembly that rank 0 has."""
-    return SharedAssembly(lambda: sent(comm, whole), comm, whole=whole)
+def _parts(comm: Any, whole: Assembly | None = None, ranks: State | None = None) -> SharedAssembly:
+    """This rank's part of an assembly that rank 0 has, with the states of ranks to go on from."""
+    return SharedAssembly(lambda: sent(comm, whole), comm, whole=whole, ranks=ranks)
 
 
 def _of_whole(name: str) -> Any:
@@ -77,6 +89,7 @@ class SpreadAssembly:
     def __init__(self, soil: Assembly, crew: Crew) -> None:
         self._soil, self._crew, self._number = soil, crew, crew.new()
         self._shared: SharedAssembly | None = None
+        self._ranks: State | None = None  # that they go on from
         self._fresh = True  # what rank 0 has is what the ranks have
         weakref.finalize(self, crew.forget, self._number)
 
@@ -93,8 +106,8 @@ class SpreadAssembly:
     def _placed(self) -> SharedAssembly:
         """The parts, which know what the script has done to the walls."""
         if self._shared is None:
-            self._shared = self._crew.place(self._number, _parts, whole=self._soil)
-        elif (news := self._shared.news_of_walls()) is not None:
+            self._shared, self._ranks = self._crew.place(self._number, _parts, whole=self._soil, ranks=self._ranks), None
+        if (news := self._shared.news_of_walls()) is not None:
             self._order("hear_of_walls", news)
         return self._shared
 
@@ -114,7 +127,7 @@ class SpreadAssembly:
     def _change(self, change: Callable[[Assembly], Any]) -> Any:
         """Do something to the whole; the ranks get their parts of it anew before the next step."""
         result = change(self._now())
-        self._shared = None
+        self._shared = self._ranks = None
         return result
 
     # What differs from an assembly ---------------------------------------------------------------------------------------

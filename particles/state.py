@@ -11,6 +11,7 @@ import numpy as np
 
 from particles import holding
 from particles.columns import aligned
+from particles.pruning import OuterList
 from particles.system import ROWS
 from particles.walls.history import ROW
 from particles.walls.rows import NEAR
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 State = dict[str, Any]  # arrays, numbers, or states by name
 
-_OF_ROWS = ("material", "external", "share", "listed")  # more that goes by rows, without the padding
+_OF_ROWS = ("material", "share", "listed")  # more that goes by rows, without the padding
 _LIST = ("start", "first", "second", "history")
 _WALL_LIST = ("start", "row", "facet", "image", "history")
 _CELL = ("matrix", "listed", "gradient", "rate", "anchor")
@@ -38,7 +39,7 @@ def state_of(soil: Assembly) -> State:
         "reference": soil._reference, "radii": soil._radii, "skin": soil.skin, "generation": soil.generation,
         "rebuilds": soil.rebuilds, "imposed": soil._imposed, "step": soil._step, "primed": _numbers(soil._primed),
         "held": soil.held, "free": np.array([soil._held[int(one)] for one in soil.held]).reshape(-1, soil.freedoms),
-        "breaks": soil.breaks, "walls": _walls_of(soil), "cell": None,
+        "breaks": soil.breaks, "walls": _walls_of(soil), "cell": None, "outer": _outer_of(soil),
     }  # fmt: skip
     if soil.cell is not None:
         found["cell"] = {name: getattr(soil.cell.arrays, name) for name in _CELL} | {"whole": soil.cell._whole}
@@ -61,6 +62,7 @@ def restore(soil: Assembly, state: State) -> None:
     system.sums[:], system.clock[:] = state["sums"], state["clock"]
     for name in _OWN:
         setattr(soil, name, _own(state.get(name.strip("_"))))
+    changed["external"] = None if soil._external is None else soil._external[soil._ids]
     soil.skin, soil._imposed, soil._step = float(state["skin"]), float(state["imposed"]), float(state["step"])
     soil.generation, soil.rebuilds = int(state["generation"]), int(state["rebuilds"])
     if system.walls is not None:
@@ -70,6 +72,7 @@ def restore(soil: Assembly, state: State) -> None:
             getattr(soil.cell.arrays, name)[:] = state["cell"][name]
         soil.cell._whole[:] = state["cell"]["whole"]
     soil._system = system._replace(**changed)
+    soil._outer = _restored_outer(soil, state["outer"]) if "outer" in state else None
     soil._breaks = [_own(state["breaks"])]
     soil._held = dict(zip((int(one) for one in state["held"]), np.array(state["free"])))
     holding.compose(soil)
@@ -118,6 +121,21 @@ def _primed(numbers: Any) -> tuple | None:
     if not values:
         return None
     return ((None if values[0] is None else tuple(values[:3]), *values[3:]),)
+
+
+def _outer_of(soil: Assembly) -> State | None:
+    """The outer list, where lists may be pruned from it."""
+    outer = soil._outer
+    if outer is None or outer.ids is not soil._ids:
+        return None
+    found = {name: getattr(outer, name) for name in ("start", "second", "skin", "places")}
+    return found if outer.cell is None else found | {"cell": outer.cell.listed}
+
+
+def _restored_outer(soil: Assembly, state: State) -> OuterList:
+    cell = None if soil.cell is None else soil.cell.arrays._replace(listed=_own(state["cell"]))
+    start, second, places = (_own(state[name]) for name in ("start", "second", "places"))
+    return OuterList(soil._ids, start, second, float(state["skin"]), places, cell)
 
 
 def _walls_of(soil: Assembly) -> State | None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from particles import Assembly, LiChu, Plate
 from particles.driving import settle
-from particles.spread import restore, spread
-from particles.state import State, state_of
+from particles.spread import restore, spread, state_of
+from particles.state import State
 from studies import packing_cache
 from studies.column import GRAVITY, Parameters
 

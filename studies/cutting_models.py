@@ -11,8 +11,8 @@ import numpy as np
 from bridge import Overlap
 from bridge.run import Stopwatch, on_root
 from particles.crew import Placed
-from particles.spread import parallel, restore, spread
-from particles.state import State, state_of
+from particles.spread import parallel, restore, spread, state_of
+from particles.state import State
 from studies import cutting as scene
 from studies.cracks import fragments
 from studies.cutting import Parameters

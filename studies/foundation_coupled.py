@@ -225,17 +225,21 @@ class SharedBridgedFoundation(BridgedFoundation):
     def state(self) -> dict[str, Any]:
         self.coupled.fine.collect(self._whole_fine)
         found = self._with_whole(super().state)
+        ranks, works = self.shared.states(), self.comm.gather(self.coupled.fine.interface_work)
         if self.comm.rank == 0:
-            found["own_sums"][1:] = 0.0  # every rank keeps the same
+            found["own_sums"][1:] = 0.0  # every rank keeps the same, but for the work of its own ghosts
+            found["own_sums"][:, 0] = works
+            found["particles"]["ranks"] = ranks
         return found
 
     def restore(self, state: dict[str, Any]) -> None:
+        ranks = self.comm.rank == 0 and state["particles"].pop("ranks", None)
         state = self.comm.bcast(state, root=0)
         self.soil = self._particles()
         self.coupled = self._couple()
         super().restore(state)
         shared = self._share_out()
-        shared.restore(state["particles"])
+        shared.restore(state["particles"] | ({"ranks": ranks} if ranks else {}))
         initial = self.coupled._initial
         self._spread(shared)
         self.coupled._initial = initial

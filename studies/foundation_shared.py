@@ -7,7 +7,6 @@ from typing import Any
 from mpi4py import MPI
 
 from bridge.run import Stopwatch, on_root
-from particles import state as particle_state
 from studies import foundation as scene
 from studies.foundation import Parameters
 from studies.foundation_models import Foundation, on_root_only, particle_terms
@@ -53,8 +52,7 @@ class SharedParticleFoundation(Foundation):
         return super().snapshot()
 
     def state(self) -> dict[str, Any]:
-        whole = self.shared.collect()
-        return {"time": self.time, "particles": {} if whole is None else particle_state.state_of(whole)}
+        return {"time": self.time, "particles": self.shared.state()}
 
     def restore(self, state: dict[str, Any]) -> None:
         self.shared.restore(state.get("particles"))

@@ -9,9 +9,9 @@ import numpy as np
 
 from particles import Assembly, LiChu, PeriodicCell
 from particles.measures import coordination, moduli
-from particles.spread import restore
+from particles.spread import restore, state_of
 from particles.spread import spread as shared
-from particles.state import State, state_of
+from particles.state import State
 from studies import packing_cache
 from studies.lab import Parameters
 from studies.lab_cell import ServoCell

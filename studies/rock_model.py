@@ -8,8 +8,8 @@ import numpy as np
 
 from particles import Assembly, Wall, measures, shapes
 from particles.laws.bonded import Bonded
-from particles.spread import restore, spread
-from particles.state import State, state_of
+from particles.spread import restore, spread, state_of
+from particles.state import State
 from studies import packing_cache
 from studies.rock import Parameters
 

@@ -402,7 +402,7 @@ class Manifold:
 
     def _settle(self) -> None:
         lattice, h = self.lattice, self.step
-        self._parts = None
+        self._parts = lattice._owner = None
         self._arrange_driving()
         _advance(
             lattice._state, lattice._terms, self._nodes, self._elements, lattice.driving.drive(self.time - h, h, 1),

@@ -26,10 +26,10 @@ class ManifoldPart(Part):
     """
 
     def __init__(
-        self, comm: Any, state: State, terms: Terms, along: np.ndarray, free: np.ndarray, carried: np.ndarray, nodes: steps.Nodes,
+        self, comm: Any, state: State, terms: Terms, owner: np.ndarray, free: np.ndarray, carried: np.ndarray, nodes: steps.Nodes,
         elements: steps.Elements,
     ) -> None:  # fmt: skip
-        super().__init__(comm, state, terms, along, free, carried)
+        super().__init__(comm, state, terms, owner, free, carried)
         self.nodes = steps.Nodes._make(values.copy() for values in nodes)
         self.nodes.sums[:] = 0.0
         mine = self.needed[elements.carried]

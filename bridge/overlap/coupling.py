@@ -156,18 +156,22 @@ class Overlap:
         """Particles, body and ties as named arrays, complete on rank 0 (collective); see `bridge.kept`."""
         with self._together():
             found = kept.coupled_state(self)
-        if self.shared is not None and self.body.comm.rank == 0:
-            found["own_sums"][1:] = 0.0  # every rank keeps the same
+        if self.shared is not None:
+            ranks = self.shared.states()
+            if self.body.comm.rank == 0:
+                found["own_sums"][1:] = 0.0  # every rank keeps the same
+                found["particles"]["ranks"] = ranks
         return found
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from a state, of any number of ranks, which rank 0 has (collective)."""
+        ranks = self.body.comm.rank == 0 and state["particles"].pop("ranks", None)
         if self.shared is not None:
             state = self.body.comm.bcast(state, root=0)
         with self._together(collected=False):
             kept.restore_coupled(self, state)
         if self.shared is not None:
-            self.shared.restore(state["particles"])
+            self.shared.restore(state["particles"] | ({"ranks": ranks} if ranks else {}))
             self.fine.rearrange()
 
     def parallel(self, stepping: float | None = None) -> dict[str, Any]:

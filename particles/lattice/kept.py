@@ -22,6 +22,8 @@ def state_of(lattice: Lattice) -> State:
         lattice.prepare()
     state = lattice._state
     arrays = {name: getattr(state, name) for name in ("bonds", *KEPT)}
+    if lattice._owner is not None:  # sums of energies go by ranks
+        arrays["owner"], arrays["ranks"] = lattice._owner
     return arrays | {"free": lattice.free, "carried": lattice.carried, "numbers": np.array([lattice.time, lattice._base])}
 
 
@@ -41,3 +43,4 @@ def restore(lattice: Lattice, kept: State) -> None:
     lattice.time, lattice._base = (float(number) for number in kept["numbers"])
     lattice.driving.arrange(lattice.free)
     lattice._ready, lattice._parts = True, None
+    lattice._owner = (np.array(kept["owner"]), int(kept["ranks"])) if "owner" in kept else None

@@ -101,6 +101,7 @@ class Lattice:
         self._ready = False
         self._base = 0.0
         self._parts: Parts | None = None
+        self._owner: tuple[np.ndarray, int] | None = None  # rank (n,) of each row in the parts of so many ranks
 
     # construction
 
@@ -334,7 +335,7 @@ class Lattice:
         """Forces for the state of now, where something has changed since the last step; energies count from there."""
         if self._ready:
             return
-        self._parts = None
+        self._parts = self._owner = None
         self.driving.arrange(self.free)
         before = None if self.time == 0.0 else self._account()[1]
         _advance(self._state, self._terms, self.driving.drive(self.time - self.step, self.step, 1), 0, self.step)

@@ -71,13 +71,12 @@ class Part:
     Args:
         comm: the ranks.
         state, terms: of the whole lattice, as rank 0 has them.
-        along: (n,) place of each row along the axis that slabs are cut across.
+        owner: (n,) rank of each row, see `owners`.
         free, carried: (n,) bool, see `particles.lattice.arrangement`.
     """
 
-    def __init__(self, comm: Any, state: State, terms: Terms, along: np.ndarray, free: np.ndarray, carried: np.ndarray) -> None:
-        self.comm, self.terms = comm, terms
-        self._owner = owners(state, free, along, comm.size)
+    def __init__(self, comm: Any, state: State, terms: Terms, owner: np.ndarray, free: np.ndarray, carried: np.ndarray) -> None:
+        self.comm, self.terms, self._owner = comm, terms, owner
         inside = self._owner == comm.rank
         self.own, self._others = free & inside, free & ~inside
         self.state: State = State._make(None if values is None else values.copy() for values in state)
@@ -223,15 +222,18 @@ class Parts:
     Args:
         crew: the ranks.
         kind: `Part`, or what is made of it.
-        whole: lattice whose state the parts start from.
+        whole: lattice whose state the parts start from; rows that had owners on as many ranks before keep them.
         more: further arguments of `kind`.
     """
 
     def __init__(self, crew: Crew, kind: type[Part], whole: Any, *more: Any) -> None:
         self._crew, self._number, self._whole = crew, crew.new(), whole
         self._told: dict[int, Any] = {}
-        along = whole.reference[:, cut_axis(whole.places, whole.free, crew.comm.size)]
-        crew.place(self._number, kind, whole._state, whole._terms, along, whole.free, whole.carried, *more)
+        size = crew.comm.size
+        if whole._owner is None or whole._owner[1] != size:
+            along = whole.reference[:, cut_axis(whole.places, whole.free, size)]
+            whole._owner = owners(whole._state, whole.free, along, size), size
+        crew.place(self._number, kind, whole._state, whole._terms, whole._owner[0], whole.free, whole.carried, *more)
 
     def __del__(self) -> None:
         self._crew.forget(self._number)

@@ -113,3 +113,43 @@ def test_a_column_falls_over_all_ranks():
     whole = shared.collect()
     if COMM.rank == 0:
         assert np.ptp(whole.positions[:, 0]) > 1.5
+
+
+@pytest.mark.parametrize("scene, before, after", [(block_that_breaks, 900, 1500), (spheres_that_go_round, 150, 150), (collapse, 2000, 3000)])
+def test_a_restored_scene_goes_on_to_the_same_bits(scene, before, after):
+    """Through new lists, particles that change hands and boxes that are cut anew; what is written goes on, and so does what reads it."""
+    undisturbed, _, step, loads = both(scene)
+    written, again = (both(scene)[0] for _ in range(2))
+    for soil in (undisturbed, written):
+        soil.advance(before, step, **loads)
+    state = copied(written.state())
+    again.restore(state if COMM.rank == 0 else None)
+    lists, handed = again.rebuilds, again.owners.handed
+    shared = (undisturbed, written, again)
+    for soil in shared:
+        soil.advance(after, step, **loads)
+    assert again.rebuilds > lists + 2 and (COMM.size == 1 or again.owners.handed > handed)
+    one = everything(undisturbed)
+    for soil in shared[1:]:
+        for name, values in everything(soil).items():
+            np.testing.assert_array_equal(values, one[name], err_msg=name)
+
+
+def everything(shared):
+    """What a rank has, row by row, and what all have together on rank 0."""
+    part, whole = shared.part, shared.collect()
+    system, names = part._system, ("position", "velocity", "acceleration", "spin", "first", "second", "history", "sums", "clock")
+    found = {name: getattr(system, name) for name in names if getattr(system, name) is not None}
+    found |= {"ids": shared.ids, "rows": part._rows, "border": shared._border_sums, "energies": list(shared.energies().values())}
+    if system.walls is not None:
+        found["walls"] = system.walls.body
+    if whole is not None:
+        found |= {"positions": whole.positions, "breaks": whole.breaks} | {
+            f"{name} of {k}": getattr(wall.history, name) for k, wall in enumerate(whole.plates) for name in ("time", "force") if wall.record
+        }
+    return found
+
+
+def copied(state):
+    """As a file gives it back."""
+    return {name: copied(one) if isinstance(one, dict) else np.array(one) for name, one in state.items()}
