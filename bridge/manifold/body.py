@@ -39,6 +39,7 @@ from particles.lattice.state import (
     MOVING_RUNS,
     SUMS,
     Drive,
+    State,
 )
 
 SAFETY = 0.8
@@ -143,6 +144,7 @@ class Manifold:
         self.recoarsener = None if recoarsen is None else Recoarsener(self, recoarsen, per_element)
         self._ready, self._base = False, 0.0
         self._parts: Parts | None = None
+        self._known_shares: list[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]] = []
 
     # construction
 
@@ -229,15 +231,23 @@ class Manifold:
         lattice.driving.arrange(free)
         self._nodal = Driving(self.node_reference)
         for rows, force, history in lattice.driving.loads():
-            inner = ~free[rows]
-            self._nodal.load(*self._to_nodes(rows[inner], force[inner]), history)
+            self._nodal.load(*self._given_to_nodes(rows, force), history)
         for rows, coefficient in lattice.driving.dashpots():
-            inner = ~free[rows]
-            if inner.any():
-                self._nodal.absorb(*self._to_nodes(rows[inner], coefficient[inner]))
+            if not free[rows].all():
+                self._nodal.absorb(*self._given_to_nodes(rows, coefficient))
         for rows, axes, history in self._holds:
             self._nodal.hold(rows, axes, history)
         self._nodal.arrange(self.alive)
+
+    def _given_to_nodes(self, rows: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What nodes get of values (k, 3) on rows (k,), for those that elements carry; it is known as long as these are the same."""
+        inner = ~self.lattice.free[rows]
+        for given, mask, found in self._known_shares:
+            if given is values and np.array_equal(mask, inner):
+                return found
+        self._known_shares = [one for one in self._known_shares if one[0] is not values]
+        self._known_shares.append((values, inner, self._to_nodes(rows[inner], values[inner])))
+        return self._known_shares[-1][2]
 
     def _to_nodes(self, rows: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         nodes = self.grid.nodes[self.grid.element[rows]]
@@ -299,9 +309,7 @@ class Manifold:
 
     def internal_force(self, where: Where) -> np.ndarray:
         """Sum (axes,) of the forces of bonds and elements on the nodes and free particles `where`, N; some of each must be named."""
-        state, nodes = self.lattice._state, self._nodes
-        kept = state.force.copy(), nodes.force.copy()
-        _elastic(state, self.lattice._terms, nodes, self._elements)
+        _, state, nodes = self._of_bonds()
         total = np.zeros(3)
         for points, force, there in (
             (self.node_reference, nodes.force, self.alive), (self.lattice.reference, state.force, self.lattice.free),
@@ -309,7 +317,6 @@ class Manifold:
             chosen = np.zeros(len(points), dtype=bool)
             chosen[rows_of(where, points)] = True
             total += force[:, chosen & there].sum(axis=1)
-        state.force[:], nodes.force[:] = kept
         return total[: self.lattice.axes]
 
     def hold(self, where: Where, directions: str, velocity: History = 0.0) -> None:
@@ -412,13 +419,17 @@ class Manifold:
 
     # energies
 
+    def _of_bonds(self) -> tuple[float, State, steps.Nodes]:
+        """Elastic energy (J) at the displacements of now; particles and nodes with the forces of bonds and elements alone."""
+        state, nodes = self.lattice._state, self._nodes
+        state, nodes = state._replace(force=np.zeros_like(state.force)), nodes._replace(force=np.zeros_like(nodes.force))
+        return float(sum(_elastic(state, self.lattice._terms, nodes, self._elements))), state, nodes
+
     def _account(self) -> tuple[float, float, float]:
         """Kinetic and elastic energy, and the account as that of `Lattice`, of particles and nodes together (J)."""
         state, nodes = self.lattice._state, self._nodes
-        kept = state.force.copy(), nodes.force.copy()
-        elastic = float(sum(_elastic(state, self.lattice._terms, nodes, self._elements)))
-        middle = elastic + ahead(state, kept[0], self.step) + ahead(nodes, kept[1], self.step)
-        state.force[:], nodes.force[:] = kept
+        elastic, of_bonds, of_elements = self._of_bonds()
+        middle = elastic + ahead(of_bonds, state.force, self.step) + ahead(of_elements, nodes.force, self.step)
         kinetic = 0.5 * float((nodes.velocity**2).sum(axis=0) @ self.node_mass) + self.lattice.kinetic_energy()
         if self._inertia is not None:
             more = self._heavier()

@@ -31,7 +31,7 @@ def arrange(state: State, terms: Terms, free: np.ndarray, carried: np.ndarray, r
     flags = np.where(there & (broken == 0), JOINED, 0) | np.where(explicit, EXPLICIT, 0) | broken
     state.bonds[rows] = np.where(acting[:, None], flags, 0)
     for kind, flag in ((state.strain_kind, JOINED), (state.force_kind, JOINED | EXPLICIT)):
-        found = lists.kinds(rows, state.near, state.bonds, state.material, flag)
+        found = lists.kinds(rows, state.near, state.bonds, state.alike, flag)
         kind[rows] = np.where(acting, found if state.moment is None and state.rotation is None else SPECIAL, 0)
     state.moving[rows] = free[rows]
     _set_clusters(state, terms, rows)

@@ -17,12 +17,12 @@ UNKNOWN = -(2**31)  # no row of a stretch has a neighbour in the direction yet
 
 
 @njit(**INNER)
-def _fits(near, material, i, first, to):
+def _fits(near, alike, i, first, to):
     """Whether a row may go on with a stretch that began at row `first`; writes into `to` what it adds."""
     n, ways = near.shape
     for k in range(ways):
         j, on = near[i, k], to[k]
-        if j >= 0 and (material[j] != material[i] or (on != UNKNOWN and j - i != on)):
+        if j >= 0 and (alike[j] != alike[i] or (on != UNKNOWN and j - i != on)):
             return False
         if j >= 0 and on == UNKNOWN and (first + j - i < 0 or first + j - i >= n):
             return False
@@ -35,12 +35,12 @@ def _fits(near, material, i, first, to):
 
 
 @njit(**STEPS)
-def find_stretches(near, material, number, rows, on):
-    """Find all stretches of at least `WIDTH` rows, one material in and around each.
+def find_stretches(near, alike, group, number, rows, on):
+    """Find all stretches of at least `WIDTH` rows of one group, with bonds of one stiffness around each.
 
     Args:
         near: (n, directions) int32, -1 where there is no neighbour.
-        material: (n,) uint8.
+        alike, group: see `particles.lattice.groups`.
         number: (n,) int32 of each row's stretch, -1 for none; written.
         rows: (room, 2) int32 first row of each and the one after its last; written.
         on: (room + 1, directions) int32, how many rows on the neighbours lie; written.
@@ -52,7 +52,7 @@ def find_stretches(near, material, number, rows, on):
     while i < n:
         first, to = i, on[found]
         to[:] = UNKNOWN
-        while i < n and material[i] == material[first] and _fits(near, material, i, first, to):
+        while i < n and group[i] == group[first] and _fits(near, alike, i, first, to):
             i += 1
         if i - first >= WIDTH:
             number[first:i] = found
@@ -66,7 +66,7 @@ def find_stretches(near, material, number, rows, on):
     return found
 
 
-def stretches(near: np.ndarray, material: np.ndarray, wanted: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def stretches(near: np.ndarray, alike: np.ndarray, group: np.ndarray, wanted: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Number (n,) of each row's stretch or -1, first row and end (stretches, 2), and rows on to its neighbours (stretches, directions).
 
     There are none where `wanted` is False.
@@ -74,7 +74,7 @@ def stretches(near: np.ndarray, material: np.ndarray, wanted: bool) -> tuple[np.
     n, ways = near.shape
     room = n // WIDTH
     number, rows, on = (np.full(shape, -1, dtype=np.int32) for shape in (n, (room, 2), (room + 1, ways)))
-    found = find_stretches(near, material, number, rows, on) if wanted else 0
+    found = find_stretches(near, alike, group, number, rows, on) if wanted else 0
     return number, rows[:found].copy(), on[:found].copy()
 
 

@@ -19,6 +19,7 @@ from particles.lattice.state import (
     FORCE_BLOCKS,
     FORCE_RUNS,
     FORCE_SPECIAL,
+    REGULAR,
     SPECIAL,
 )  # fmt: skip
 from particles.system import KERNEL, OUTER
@@ -42,26 +43,32 @@ def fails(state, terms, limits, i, k):
 
 @njit(**KERNEL)
 def _cut(state, i, k):
-    """Take a bond out of what a row has, if it has a strain here; some have no force (see `particles.lattice.part`)."""
+    """Take a bond out of what a row has, if it has a strain here; some have no force (see `particles.lattice.part`).
+
+    Returns:
+        Whether it was a regular row so far.
+    """
+    regular = state.strain_kind[i] == REGULAR or state.force_kind[i] == REGULAR
     if state.strain_kind[i]:
         state.bonds[i, k] = state.bonds[i, k] & EXPLICIT | BROKEN
         state.strain_kind[i] = SPECIAL
         if state.force_kind[i]:
             state.force_kind[i] = SPECIAL
+    return regular
 
 
 @njit(**KERNEL)
-def _near_failure(state, terms, limits, plane, first, count):
+def _near_failure(state, terms, smallest, plane, first, count):
     """Whether any bond of a run has come to its limit, but for rounding."""
-    u, e, kind = state.displacement, state.strain, state.material[first]
+    u, e, group = state.displacement, state.strain, state.group[first]
     if plane is None:
         worst = worst_cubic(
-            first, count, state.near[first], terms.spacing, limits[kind, 0], limits[kind, 1], u[0], u[1], u[2],
+            first, count, state.near[first], terms.spacing, smallest[group, 0], smallest[group, 1], u[0], u[1], u[2],
             e[0], e[1], e[2], e[3], e[4], e[5],
         )  # fmt: skip
     else:
         worst = worst_hexagonal(
-            first, count, state.near[first], terms.spacing, limits[kind, 0], limits[kind, 1], u[0], u[1], e[0], e[1], e[5]
+            first, count, state.near[first], terms.spacing, smallest[group, 0], smallest[group, 1], u[0], u[1], e[0], e[1], e[5]
         )
     return worst > NEARLY
 
@@ -87,7 +94,7 @@ def failing(state, terms, limits, moving):
     found, room = 0, np.empty((16, 2), dtype=np.int64)
     for q in range(state.counts[FORCE_RUNS]):
         first, count = state.force_runs[q, 0], state.force_runs[q, 1]
-        if not _near_failure(state, terms, limits, terms.plane, first, count):
+        if not _near_failure(state, terms, terms.smallest, terms.plane, first, count):
             continue
         for i in range(first, first + count):
             found, room = _failing_at(state, terms, limits, moving, i, found, room)
@@ -153,12 +160,14 @@ def _see(state, seen, i):
 @njit(**OUTER)
 def cut_all(state, terms, broken, ends):
     """Take bonds (k, 2), row and direction, out of the clusters of their ends (see `touched`), where these have strains here."""
+    changed = False
     for b in range(len(broken)):
         i, k = broken[b, 0], broken[b, 1]
-        _cut(state, i, k)
-        _cut(state, state.near[i, k], k ^ 1)
+        one, other = _cut(state, i, k), _cut(state, state.near[i, k], k ^ 1)
+        changed = changed or one or other
     set_clusters(state, terms, ends)
-    list_kinds(state)
+    if changed:
+        list_kinds(state)
 
 
 @njit(**OUTER)
@@ -183,7 +192,7 @@ def break_together(state, terms, broken, counted, by):
     """Break bonds and find the forces without them; the energy that is lost, with what the forces change for a time `by` (s), J."""
     ends, around = touched(state, broken)
     lost = break_all(state, terms, broken, ends, around, counted)
-    return lost + by * forces_anew(state, terms, terms.limits, around)
+    return lost + by * forces_anew(state, terms, terms.smallest, around)
 
 
 @njit(**OUTER)
@@ -215,7 +224,7 @@ def _counted(mask, counted):
 
 
 @njit(**KERNEL)
-def forces_anew(state, terms, limits, rows):
+def forces_anew(state, terms, smallest, rows):
     """Forces of rows (in order), and of others in their blocks, by their own bonds; returns the sum of v.(F before - F) of the rows (W)."""
     power, done = _power(state, rows), 0
     for i in rows:
@@ -225,8 +234,8 @@ def forces_anew(state, terms, limits, rows):
         if number >= 0 and i + WIDTH <= state.stretch[number, 1]:
             done = i + WIDTH
             force_masked(
-                i, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, limits, state.material[i],
-                state.displacement, state.strain, state.force,
+                i, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, smallest, state.material[i],
+                state.group[i], state.displacement, state.strain, state.force,
             )  # fmt: skip
         else:
             state.force[0, i] = state.force[1, i] = state.force[2, i] = 0.0

@@ -13,6 +13,7 @@ from particles.dispatch import Direct
 from particles.lattice import blocks, geometry, motion
 from particles.lattice.arrangement import arrange, needed
 from particles.lattice.driving import Driving, History, Where, face_area, lysmer, rows_of
+from particles.lattice.groups import groups
 from particles.lattice.material import LatticeMaterial
 from particles.lattice.part import Part, Parts
 from particles.lattice.state import (
@@ -84,13 +85,13 @@ class Lattice:
         found = geometry.places(sites, spacing)
         self.order, axes = geometry.order(found)
         self.reference, self.places = sites[self.order], found[self.order]
-        self._terms = self._constants(plane, local_damping)
         volume = self.spacing**3 if self.axes == 3 else 0.5 * math.sqrt(3.0) * self.spacing**2
         self._masses = np.array([one.density * volume for one in self.materials])
         layers = self._layers(layer)
         self._mass = self._masses[layers]
         near = geometry.neighbours(self.places, axes, geometry.directions(self.axes), self.periodic)
-        self._state = self._make_state(near, layers, force == "variational", corotational, audit)
+        alike, group, self._terms = self._constants(plane, local_damping, near, layers)
+        self._state = self._make_state(near, layers, alike, group, force == "variational", corotational, audit)
         self.time = 0.0
         self.critical_step = self._critical_step()
         self.step = SAFETY * self.critical_step / math.sqrt(1.0 + local_damping) if step is None else float(step)
@@ -105,13 +106,15 @@ class Lattice:
 
     # construction
 
-    def _constants(self, plane: str, damping: float) -> Terms:
+    def _constants(self, plane: str, damping: float, near: np.ndarray, material: np.ndarray) -> tuple[np.ndarray, np.ndarray, Terms]:
+        """Classes and groups of the rows, and the constants."""
         springs = np.array([one.springs(self.spacing, self.axes, plane) for one in self.materials])
-        limits = np.array([one.limits for one in self.materials])
-        return Terms(
-            self.spacing, geometry.vectors(self.axes, self.spacing), springs[:, 0].copy(), springs[:, 1].copy(),
-            np.minimum(limits, 1e100) if np.isfinite(limits).any() else None, None if self.axes == 3 else 1,
-            damping if damping > 0 else None,
+        given = np.array([one.limits for one in self.materials])
+        limits = np.minimum(given, 1e100) if np.isfinite(given).any() else None
+        alike, group, smallest = groups(near, material, springs, limits)
+        return alike, group, Terms(
+            self.spacing, geometry.vectors(self.axes, self.spacing), springs[:, 0].copy(), springs[:, 1].copy(), limits, smallest,
+            None if self.axes == 3 else 1, damping if damping > 0 else None,
         )  # fmt: skip
 
     def _layers(self, layer: Callable[[np.ndarray], Any] | None) -> np.ndarray:
@@ -122,17 +125,20 @@ class Lattice:
             raise ValueError(f"layer gives {number.min()} to {number.max()}; it must give numbers from 0 to {len(self.materials) - 1}")
         return number.astype(np.uint8)
 
-    def _make_state(self, near: np.ndarray, material: np.ndarray, variational: bool, corotational: bool, audit: bool) -> State:
+    def _make_state(
+        self, near: np.ndarray, material: np.ndarray, alike: np.ndarray, group: np.ndarray, variational: bool, corotational: bool, audit: bool
+    ) -> State:
         n = len(near)
         plain = self.axes == 3 and not variational and not corotational
-        stretch_of, stretch, onward = blocks.stretches(near, material, plain)
+        stretch_of, stretch, onward = blocks.stretches(near, alike, group, plain)
         room = n // blocks.WIDTH + len(stretch)
         return State(
             displacement=np.zeros((3, n)), velocity=np.zeros((3, n)), force=np.zeros((3, n)), lightness=1.0 / self._masses[material], strain=np.zeros((6, n)),
             moment=np.zeros((6, n)) if variational else None,
             rotation=np.repeat(np.eye(3).reshape(9, 1), n, axis=1) if corotational else None,
             acting=np.zeros((3, n if audit else 0)), stored=np.zeros(1), near=near, bonds=np.zeros(near.shape, dtype=np.uint8),
-            mask=np.zeros(n, dtype=np.int64), follows=geometry.follows(near), material=material, strain_kind=np.zeros(n, dtype=np.uint8),
+            mask=np.zeros(n, dtype=np.int64), follows=geometry.follows(near), material=material, alike=alike, group=group,
+            strain_kind=np.zeros(n, dtype=np.uint8),
             force_kind=np.zeros(n, dtype=np.uint8), moving=np.zeros(n, dtype=np.uint8), cluster=np.zeros((9, n)),
             stretch_of=stretch_of, stretch=stretch, onward=onward,
             strain_runs=np.zeros((n, 2), dtype=np.int32), strain_blocks=np.zeros((room, 2), dtype=np.int64),
@@ -207,17 +213,16 @@ class Lattice:
 
     def internal_force(self) -> np.ndarray:
         """Forces (n, axes) of the bonds at the displacements of now, N."""
-        kept = self._state.force.copy()
-        _elastic(self._state, self._terms)
-        found = self._state.force[: self.axes].T.copy()
-        self._state.force[:] = kept
-        return found
+        return self._of_bonds()[1].force[: self.axes].T
+
+    def _of_bonds(self) -> tuple[float, State]:
+        """Elastic energy (J) at the displacements of now, with strains found anew; the state with the forces of the bonds alone."""
+        state = self._state._replace(force=np.zeros_like(self._state.force))
+        return float(_elastic(state, self._terms)), state
 
     def strain(self) -> np.ndarray:
         """Least-squares strain (n, 6): xx, yy, zz, yz, xz, xy (tensor shear)."""
-        kept = self._state.force.copy()
-        _elastic(self._state, self._terms)
-        self._state.force[:] = kept
+        self._of_bonds()
         return self._state.strain.T
 
     def stress(self) -> np.ndarray:
@@ -346,16 +351,12 @@ class Lattice:
 
     def kinetic_energy(self) -> float:
         """1/2 m v^2 in J."""
-        return float(0.5 * np.einsum("an,an,n->", self._state.velocity, self._state.velocity, self.mass * self.free))
+        return float(ahead(self._state, self._state.force, 0.0))
 
     def _account(self) -> tuple[float, float]:
         """Elastic energy, and the energy in the middle of the coming step with what has been lost, less what was put in (J)."""
-        state = self._state
-        kept = state.force.copy()
-        elastic = float(_elastic(state, self._terms))
-        middle = elastic + ahead(state, kept, self.step)
-        state.force[:] = kept
-        sums = state.sums
+        elastic, of_bonds = self._of_bonds()
+        middle, sums = elastic + ahead(of_bonds, self._state.force, self.step), self._state.sums
         return elastic, middle + sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] - sums[EXTERNAL] - sums[HELD] - sums[EXCESS]
 
     def energies(self) -> dict[str, float]:

@@ -28,8 +28,8 @@ GAP = 64  # rows asleep that are looked at with those around them
 
 
 @njit(**INNER)
-def _runs(kind, wanted, follows, material, first, last, runs, found):
-    """Add runs of rows of a kind from `first` to `last`; where `follows` is given, of one material with neighbours in runs, too.
+def _runs(kind, wanted, follows, group, first, last, runs, found):
+    """Add runs of rows of a kind from `first` to `last`; where `follows` is given, of one group with neighbours in runs, too.
 
     Returns:
         How many there are, `found` of them before.
@@ -39,7 +39,7 @@ def _runs(kind, wanted, follows, material, first, last, runs, found):
             continue
         on = i > first and kind[i - 1] == wanted
         if on and follows is not None:
-            on = follows[i] == 1 and material[i] == material[i - 1]
+            on = follows[i] == 1 and group[i] == group[i - 1]
         if on and runs[found - 1, 1] < LONGEST:
             runs[found - 1, 1] += 1
         else:
@@ -74,12 +74,12 @@ def list_rows(state):
 @njit(**STEPS)
 def list_kinds(state):
     """Lists anew after regular rows have become special ones."""
-    of, stretch, follows, material = state.stretch_of, state.stretch, state.follows, state.material
+    of, stretch, follows, group = state.stretch_of, state.stretch, state.follows, state.group
     strain_runs = strain_blocks = strain_special = force_runs = force_blocks = force_special = 0
     for q in range(state.counts[AWAKE]):
         first, last = state.awake[q, 0], state.awake[q, 1]
-        strain_runs = _runs(state.strain_kind, REGULAR, follows, material, first, last, state.strain_runs, strain_runs)
-        force_runs = _runs(state.force_kind, REGULAR, follows, material, first, last, state.force_runs, force_runs)
+        strain_runs = _runs(state.strain_kind, REGULAR, follows, group, first, last, state.strain_runs, strain_runs)
+        force_runs = _runs(state.force_kind, REGULAR, follows, group, first, last, state.force_runs, force_runs)
         strain_blocks, strain_special = list_blocks(
             state.strain_kind, of, stretch, first, last, state.strain_blocks, state.strain_special, strain_blocks, strain_special
         )
@@ -91,10 +91,10 @@ def list_kinds(state):
     counts[FORCE_RUNS], counts[FORCE_BLOCKS], counts[FORCE_SPECIAL] = force_runs, force_blocks, force_special
 
 
-def kinds(rows: np.ndarray, near: np.ndarray, bonds: np.ndarray, material: np.ndarray, flags: int) -> np.ndarray:
-    """Kinds (rows,) uint8: REGULAR with all neighbours and all bonds intact and of these flags (with EXPLICIT: one material all
+def kinds(rows: np.ndarray, near: np.ndarray, bonds: np.ndarray, alike: np.ndarray, flags: int) -> np.ndarray:
+    """Kinds (rows,) uint8: REGULAR with all neighbours and all bonds intact and of these flags (with EXPLICIT: one stiffness all
     around); else SPECIAL."""
     whole = np.all((bonds[rows] & (flags | BROKEN)) == flags, axis=1)
     if flags & EXPLICIT:
-        whole &= np.all((near[rows] >= 0) & (material[near[rows]] == material[rows, None]), axis=1)
+        whole &= np.all((near[rows] >= 0) & (alike[near[rows]] == alike[rows, None]), axis=1)
     return np.where(whole, REGULAR, SPECIAL).astype(np.uint8)

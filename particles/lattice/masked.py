@@ -150,29 +150,29 @@ def _both_oblique(worst, limits, words, k, turn, at, to, u, v, first, second, on
 
 
 @njit(**INLINE)
-def _shares(limits, kind, spacing):
+def _shares(limits, group, spacing):
     """None without limits; what makes shares of them of elongations, and of the squares of strain sums across."""
     if limits is None:
         return None
-    return 1.0 / limits[kind, 0], 0.25 * spacing * spacing / (limits[kind, 1] * limits[kind, 1])
+    return 1.0 / limits[group, 0], 0.25 * spacing * spacing / (limits[group, 1] * limits[group, 1])
 
 
 @njit(**KERNEL)
-def force_masked(at, to, mask, spacing, normal, shear, limits, kind, u, e, f):
+def force_masked(at, to, mask, spacing, normal, shear, limits, kind, group, u, e, f):
     """Force on a block by its own bonds, as `particles.lattice.general.force_special`.
 
     Args:
         at: first row.
         to: (18,) how many rows on the neighbours lie.
         normal, shear: stiffnesses (materials,), N/m.
-        limits: None, or the normal and the shear deformation (materials, 2) at which bonds break, m.
-        kind: number of the material.
+        limits: None, or the smallest normal and shear deformation (groups, 2) at which bonds of the rows break, m.
+        kind, group: numbers of the material and of the group.
 
     Returns:
         The largest share of their limits, normal or the square of the shear, that intact bonds have reached; without limits zero.
     """
     words, none = load(mask, at), even(0.0)
-    shares, kn = _shares(limits, kind, spacing), normal[kind]
+    shares, kn = _shares(limits, group, spacing), normal[kind]
     ux, uy, uz = u[0], u[1], u[2]
     xx, yy, zz, yz, xz, xy = e[0], e[1], e[2], e[3], e[4], e[5]
     worst, n0, a0, b0 = _both_axial(none, shares, words, 0, at, to, ux, xy, xz)

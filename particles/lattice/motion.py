@@ -59,7 +59,7 @@ def strains(state, terms, plane):
 
 
 @njit(**KERNEL)
-def bond_forces(state, terms, moment, plane, limits):
+def bond_forces(state, terms, moment, plane, smallest):
     """Forces of all explicit bonds, written into `force`, and how far bonds of blocks have come to their limits."""
     u, e, f = state.displacement, state.strain, state.force
     if moment is not None:
@@ -82,8 +82,8 @@ def bond_forces(state, terms, moment, plane, limits):
         for q in range(state.counts[FORCE_BLOCKS]):
             first, number = state.force_blocks[q, 0], state.force_blocks[q, 1]
             state.reached[q] = force_masked(
-                first, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, limits, state.material[first],
-                u, e, f,
+                first, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, smallest, state.material[first],
+                state.group[first], u, e, f,
             )  # fmt: skip
     for q in range(state.counts[FORCE_SPECIAL]):
         i = state.force_special[q]
@@ -196,7 +196,7 @@ def forces(state, terms, h, booked):
     What a bond releases between evaluations is E - h/2 v.F with it, less the same without it.
     """
     strains(state, terms, terms.plane)
-    bond_forces(state, terms, state.moment, terms.plane, terms.limits)
+    bond_forces(state, terms, state.moment, terms.plane, terms.smallest)
     _audit(state, terms, 0.5 * h, booked)
     lost = _break(state, terms, state.moment, terms.limits, 0.5 * booked * h)
     _keep(state, lost)
@@ -242,7 +242,7 @@ def _break(state, terms, moment, limits, by):
     state.sums[BREAKING] += lost
     state.sums[BROKEN_BONDS] += len(broken)
     if moment is None:
-        state.sums[BREAKING] += by * forces_anew(state, terms, limits, around)
+        state.sums[BREAKING] += by * forces_anew(state, terms, terms.smallest, around)
     else:
         before = state.force.copy()
         variational_forces(state, terms, moment)
@@ -267,7 +267,7 @@ def kick_points(points, by, drift):
 def feel(state, terms):
     """Strains and forces of the bonds at the displacements of now; none break."""
     strains(state, terms, terms.plane)
-    bond_forces(state, terms, state.moment, terms.plane, terms.limits)
+    bond_forces(state, terms, state.moment, terms.plane, terms.smallest)
 
 
 @njit(**STEPS)
@@ -313,7 +313,7 @@ def elastic_energy(state, terms):
 def elastic(state, terms):
     """Elastic energy (J) at the displacements of now; `force` becomes the force of the bonds alone."""
     strains(state, terms, terms.plane)
-    bond_forces(state, terms, state.moment, terms.plane, terms.limits)
+    bond_forces(state, terms, state.moment, terms.plane, terms.smallest)
     return elastic_energy(state, terms)
 
 

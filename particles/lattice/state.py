@@ -34,6 +34,8 @@ class State(NamedTuple):
     mask: Any  # (n,) int64: the same as bits
     follows: Any  # (n,) uint8: neighbours are the rows after those of the row before
     material: Any  # (n,) uint8
+    alike: Any  # (n,) uint8: class of stiffness (see `particles.lattice.groups`)
+    group: Any  # (n,) uint16: of rows of one class with the same smallest limits around them
     strain_kind: Any  # (n,) uint8: how its strain is found
     force_kind: Any  # (n,) uint8: how the force of its bonds is found
     moving: Any  # (n,) uint8: 1 where the row moves by its force, 0 where its motion is given or it sleeps
@@ -62,6 +64,7 @@ class Terms(NamedTuple):
     normal: Any  # (materials,) N/m
     shear: Any  # (materials,) N/m
     limits: Any  # None or (materials, 2): normal and shear deformation at which bonds break, m
+    smallest: Any  # None or (groups, 2): the smallest of them of a row of the group and its neighbours, m
     plane: Any  # None (18 neighbours) or 1 (hexagonal)
     damping: Any  # None or alpha, against each component of velocity
 

@@ -19,6 +19,8 @@ from tests.studies.test_resume_led import CASES
 COMM, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 QUIET = {"samples": 20, "figures": False, "progress": False}
 
+pytestmark = pytest.mark.skipif(COMM.size == 1, reason="tests.studies.test_resume and test_resume_led have one rank")
+
 
 @pytest.mark.parametrize(
     "options",

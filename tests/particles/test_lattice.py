@@ -359,6 +359,32 @@ def test_rows_in_blocks_are_those_one_by_one(poisson_ratio):
     assert len(found["rows"][3]) > len(found["cut"]) + 10
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_rocks_of_one_stiffness_break_at_their_own_limits(axis):
+    """A layer that can fail in rock that cannot: of the bonds of a strained block those break that end in it and stretch; rows beside it
+    and in it go through one loop, and what is left is what the same rocks leave where their stiffness differs in the last digits."""
+    found = []
+    for other in (1.0, 1.0 + 1e-13):
+        rocks = [ROCK, LatticeMaterial(other * ROCK.young_modulus, 0.2, 2650.0, 1e-5, 1e-5)]
+        lattice = block((9, 10, 30), rocks, layer=lambda x: (x[:, 2] > 9.0) & (x[:, 2] < 13.0) | (x[:, 0] > 7.1))
+        strained = np.zeros((lattice.count, 3))
+        strained[:, axis] = 1e-4 * lattice.reference[:, axis]
+        lattice.displacement = strained
+        weak, state = lattice.layer == 1, lattice._state
+        bonds = np.argwhere(state.near[:, ::2] >= 0) * (1, 2)
+        ends = bonds[:, 0], state.near[bonds[:, 0], bonds[:, 1]]
+        stretched = lattice.reference[ends[0], axis] != lattice.reference[ends[1], axis]
+        lattice.prepare()
+        expected = np.count_nonzero((weak[ends[0]] | weak[ends[1]]) & stretched)
+        assert lattice.energies()["broken_bonds"] == expected > 1000
+        lattice.advance(30)
+        found.append((lattice.broken_bonds(), lattice.displacement.copy(), lattice._terms.smallest))
+    (mine, moved, smallest), (theirs, wanted, _) = found
+    np.testing.assert_array_equal(mine, theirs)
+    np.testing.assert_allclose(moved, wanted, rtol=0.0, atol=1e-9 * np.abs(wanted).max())
+    assert len(smallest) == 2
+
+
 def test_an_absorbing_end_swallows_a_plane_wave():
     """Of a wave of frequency w comes back w d / 4 c: the half particle outside the last centre is beyond the dashpot."""
     lattice = Lattice(packings.simple_cubic(Box((0, 0, 0), (1, 1, 80)), 0.5), 1.0, ROCK, periodic="xy")
