@@ -117,6 +117,11 @@ def _interface(coupled: Any) -> tuple[Array, dict[str, Array]]:
     return places[fine.interface], {"acceleration": fine.nodal_acceleration, "link": fine.nodes.link}
 
 
+def for_all_ranks(comm: Any, state: State) -> State:
+    """A state of `coupled_state` that rank 0 has, on every rank; without what each rank has of the particles, which is for it alone."""
+    return comm.bcast(None if comm.rank else state | {"particles": particle_state.without_ranks(state["particles"])}, root=0)  # type: ignore[no-any-return]
+
+
 def coupled_state(coupled: Any) -> State:
     """All of a `BridgingScale` or `Overlap`, its body and its particles; complete on rank 0."""
     comm, rule, fine = coupled.body.comm, coupled.rule, coupled.fine

@@ -25,7 +25,7 @@ from particles.motion import FINISHED, Unstable, done_with
 from particles.owners import LIMIT, PAIR, Owners
 from particles.parts import all_pairs, loaded, unload
 from particles.ranks import renew
-from particles.state import State, restore, state_of
+from particles.state import State, restore, state_of, without_ranks
 from particles.system import SKIN_SCALE, SUMS, TRAVEL, Terms
 from particles.walls.history import recorded, recording
 from particles.walls.listing import driven
@@ -143,7 +143,7 @@ class SharedAssembly(Gathered):
             ValueError: the particles, walls or contact laws are not the same.
         """
         ranks = of_as_many(state, self.comm.size)
-        state = self.comm.bcast(None if state is None else {name: one for name, one in state.items() if name != "ranks"}, root=0)
+        state = self.comm.bcast(None if state is None else without_ranks(state), root=0)
         part = self._make()
         for soil in (part,) if self.whole is None else (part, self.whole):
             restore(soil, state)

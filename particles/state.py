@@ -46,6 +46,11 @@ def state_of(soil: Assembly) -> State:
     return {name: value for name, value in found.items() if value is not None}
 
 
+def without_ranks(state: State) -> State:
+    """A state of a whole scene without those of the ranks, each of which is for one of them alone."""
+    return {name: one for name, one in state.items() if name != "ranks"}
+
+
 def restore(soil: Assembly, state: State) -> None:
     """Put a state of `state_of` into an assembly that was made, walls and all, as the one it was taken from.
 

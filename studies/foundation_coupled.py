@@ -233,13 +233,12 @@ class SharedBridgedFoundation(BridgedFoundation):
         return found
 
     def restore(self, state: dict[str, Any]) -> None:
-        ranks = self.comm.rank == 0 and state["particles"].pop("ranks", None)
-        state = self.comm.bcast(state, root=0)
+        given, state = state, kept.for_all_ranks(self.comm, state)
         self.soil = self._particles()
         self.coupled = self._couple()
         super().restore(state)
         shared = self._share_out()
-        shared.restore(state["particles"] | ({"ranks": ranks} if ranks else {}))
+        shared.restore(given["particles"] if self.comm.rank == 0 else None)
         initial = self.coupled._initial
         self._spread(shared)
         self.coupled._initial = initial

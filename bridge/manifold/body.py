@@ -144,7 +144,7 @@ class Manifold:
         self.recoarsener = None if recoarsen is None else Recoarsener(self, recoarsen, per_element)
         self._ready, self._base = False, 0.0
         self._parts: Parts | None = None
-        self._known_shares: list[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]] = []
+        self._known_shares: dict[int, tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]] = {}
 
     # construction
 
@@ -242,12 +242,10 @@ class Manifold:
     def _given_to_nodes(self, rows: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What nodes get of values (k, 3) on rows (k,), for those that elements carry; it is known as long as these are the same."""
         inner = ~self.lattice.free[rows]
-        for given, mask, found in self._known_shares:
-            if given is values and np.array_equal(mask, inner):
-                return found
-        self._known_shares = [one for one in self._known_shares if one[0] is not values]
-        self._known_shares.append((values, inner, self._to_nodes(rows[inner], values[inner])))
-        return self._known_shares[-1][2]
+        known = self._known_shares.get(id(values))  # the driving keeps these arrays
+        if known is None or not np.array_equal(known[0], inner):
+            known = self._known_shares[id(values)] = inner, self._to_nodes(rows[inner], values[inner])
+        return known[1]
 
     def _to_nodes(self, rows: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         nodes = self.grid.nodes[self.grid.element[rows]]

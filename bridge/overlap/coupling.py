@@ -165,13 +165,13 @@ class Overlap:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from a state, of any number of ranks, which rank 0 has (collective)."""
-        ranks = self.body.comm.rank == 0 and state["particles"].pop("ranks", None)
+        given = state
         if self.shared is not None:
-            state = self.body.comm.bcast(state, root=0)
+            state = kept.for_all_ranks(self.body.comm, state)
         with self._together(collected=False):
             kept.restore_coupled(self, state)
         if self.shared is not None:
-            self.shared.restore(state["particles"] | ({"ranks": ranks} if ranks else {}))
+            self.shared.restore(given["particles"] if self.body.comm.rank == 0 else None)
             self.fine.rearrange()
 
     def parallel(self, stepping: float | None = None) -> dict[str, Any]:
