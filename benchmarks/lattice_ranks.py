@@ -58,8 +58,11 @@ def tunnel(size):
     """Elements round a zone of free particles across the middle, all shaken."""
     sites = packings.simple_cubic(Box((0, 0, 0), tuple(SPACING * n for n in size)), 0.5 * SPACING)
     height = SPACING * size[2]
-    lattice = Lattice(sites, SPACING, LatticeMaterial(**ROCK, normal_limit=1e-3))
-    body = Manifold(lattice, 4, free=lambda x: np.abs(x[:, 2] - 0.5 * height) < 0.25 * height)
+
+    def free(x):
+        return np.abs(x[:, 2] - 0.5 * height) < 0.25 * height
+
+    body = Manifold(Lattice(sites, SPACING, LatticeMaterial(**ROCK, normal_limit=1e-3), first=free), 4, free=free)
     body.set_motion(velocity=lambda x: 0.1 * np.sin(300.0 * x + np.arange(3)))
     return body
 

@@ -15,7 +15,7 @@ import numpy as np
 from bridge.manifold import changes, steps
 from bridge.manifold.criterion import Criterion, Probe
 from bridge.manifold.grid import Grid
-from bridge.manifold.inertia import heavier, inertia_of, step_factor
+from bridge.manifold.inertia import TURNS, heavier, inertia_of, step_factor
 from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
 from bridge.manifold.part import ManifoldPart
 from bridge.manifold.raster import Raster
@@ -24,6 +24,7 @@ from bridge.manifold.stiffness import Stiffness
 from continuum import bricks
 from particles.dispatch import Direct
 from particles.lattice import Lattice
+from particles.lattice.arrangement import needed, needed_among
 from particles.lattice.driving import Driving, History, Where, rows_of
 from particles.lattice.lanes import WIDTH
 from particles.lattice.lattice import ahead
@@ -38,7 +39,6 @@ from particles.lattice.state import (
     HELD,
     MOVING_RUNS,
     SUMS,
-    Drive,
     State,
 )
 
@@ -46,7 +46,7 @@ SAFETY = 0.8
 LOST = ("release_kinetic", "release_strain", "recoarsen_kinetic", "recoarsen_strain")  # energies that changes of elements lose
 CHUNK = 50  # steps between two looks for blow-up
 
-_advance, _elastic = Direct(steps.advance), Direct(steps.elastic)
+_advance, _elastic, _begin, _settle = Direct(steps.advance), Direct(steps.elastic), Direct(steps.begin), Direct(steps.settle)
 _heavier = Direct(heavier)
 
 
@@ -129,6 +129,7 @@ class Manifold:
         self.time, self.released, self.release_log = 0.0, 0, [(0.0, 0)]
         self.first_released: np.ndarray = np.empty(0, dtype=np.int64)  # elements of the first release
         self.unseen = 0  # steps since the last look at the criterion
+        self._unchecked = 0  # steps since the last look for blow-up
         self._lost = dict.fromkeys(LOST, 0.0)
         self.node_mass = np.zeros(n)
         whole = np.flatnonzero(self.kind != PARTICLES)
@@ -166,11 +167,7 @@ class Manifold:
 
     def _plain(self) -> tuple[np.ndarray, np.ndarray]:
         """Elements (n,) bool that are full, and those that are full and of one material, as continuum elements must be."""
-        element, layer = self.grid.element, self.lattice.layer
-        full = self.grid.full()
-        low, high = np.full(self.grid.count, 255), np.zeros(self.grid.count, dtype=np.int64)
-        np.minimum.at(low, element, layer)
-        np.maximum.at(high, element, layer)
+        full, (low, high) = self.grid.full(), self.grid.extremes(self.lattice.layer)
         return full, full & (low == high)
 
     def _surround(self, kind: np.ndarray, elements: np.ndarray) -> np.ndarray:
@@ -197,15 +194,19 @@ class Manifold:
 
     def _critical_step(self) -> float:
         """The smaller one of the lattice's, where particles are or may come, and the bound of the elements, 2 / max omega_e."""
-        stiffest = self._stiffness.stiffest
+        stiffest = self._stiffness.stiffest()
         found = 2.0 / math.sqrt(stiffest) if stiffest > 0.0 else math.inf
         found *= step_factor(self.lattice.axes) if self._inertia is not None else 1.0
         needs_particles = self.criterion is not None or bool((self.kind == PARTICLES).any())
         return min(found, self.lattice.critical_step) if needs_particles else found
 
-    def _arrange(self, changed: np.ndarray) -> None:
-        """Everything that depends on which elements are there, after those in `changed` have changed."""
+    def _arrange(self, changed: np.ndarray, around: np.ndarray | None = None) -> None:
+        """Everything that depends on which elements are there, after those in `changed` have changed, and bonds of rows `around`."""
         self._stiffness.find(changed[self.kind[changed] != PARTICLES], self.kind)
+        if around is None:
+            self._needed = needed(self.lattice._state, self.lattice.free)
+        else:
+            self._needed[around] = needed_among(self.lattice._state, self.lattice.free, around)
         active = np.flatnonzero(self.kind != PARTICLES).astype(np.int32)
         alive = np.zeros(len(self.node_mass), dtype=bool)
         alive[self.grid.nodes[active]] = True
@@ -218,7 +219,7 @@ class Manifold:
         runs = edges.reshape(-1, 2)
         nodes.moving_runs[: len(runs)] = np.column_stack((runs[:, 0], runs[:, 1] - runs[:, 0]))
         nodes.counts[MOVING_RUNS] = len(runs)
-        rows = np.flatnonzero(self.lattice.needed).astype(np.int32)
+        rows = np.flatnonzero(self._needed).astype(np.int32)
         corners, node, shape, gradient = self._distinct
         self._elements = steps.Elements(
             tuple(range(self.lattice.axes)), corners, node, self._stiffness.number, self._stiffness.matrices, active, rows,
@@ -303,7 +304,7 @@ class Manifold:
 
     def element_strain(self, elements: np.ndarray) -> np.ndarray:
         """Strains (k, 6) at the centres of elements: xx, yy, zz, yz, xz, xy."""
-        return self._centres.strains(self._nodes, self._elements, elements)[0]
+        return self._centres.strains(self._nodes, self._elements, elements)[:, 0]
 
     def internal_force(self, where: Where) -> np.ndarray:
         """Sum (axes,) of the forces of bonds and elements on the nodes and free particles `where`, N; some of each must be named."""
@@ -340,40 +341,72 @@ class Manifold:
     # time
 
     def advance(self, step_count: int) -> None:
-        """Go on by whole steps, with a look at the criterion of release every `check_every` of them."""
+        """Go on by whole steps, with a look at the criterion of release in every `check_every`th of them.
+
+        It is asked at the displacements of the end of a step, before their forces are found: what is released has forces of bonds there.
+        """
         if isinstance(step_count, bool) or int(step_count) != step_count or step_count < 0:
             raise ValueError(f"steps={step_count} must be a whole number, 0 or more")
-        lattice = self.lattice
+        inside = False  # a step, rather than between two
         while step_count > 0:
-            self.prepare()
-            now = min(step_count, CHUNK if self.criterion is None else self.check_every - self.unseen)
-            self._steps(lattice.driving.drive(self.time, self.step, now), self._nodal.drive(self.time, self.step, now), now)
-            self.time += now * self.step
-            lattice.time = self.time
+            if not inside:
+                self.prepare()
+                self._begin()
+            if self.unseen == self.check_every - 1:
+                self._look(self.overstrained())
+                self.unseen = -1  # the step that goes on now is the first after the look
+            wanted = self.criterion is not None and bool(np.any((self.kind == MANIFOLD) & self._within))
+            now = min(step_count, self.check_every - 1 - self.unseen if wanted else CHUNK)
+            now = now if self.recoarsener is None else min(now, self.recoarsener.left)
             step_count -= now
-            self.unseen += now
-            wanted = self.overstrained() if self.unseen >= self.check_every else np.empty(0, dtype=np.int64)
-            self.unseen %= self.check_every
-            look = self.recoarsener is not None and self.recoarsener.is_due(now)
-            if self._parts is not None and (step_count == 0 or len(wanted) or look):
-                self._parts.collect(look)
-            lattice.check(self.step)
-            if len(wanted):
-                self.release(wanted)
+            back = self.recoarsener is not None and now == self.recoarsener.left
+            inside = step_count > 0 and not back
+            self._steps(now, not inside)
+            self.unseen = (self.unseen + now) % self.check_every
+            if self._parts is not None and not inside:
+                self._parts.collect(back)
+            self._unchecked += now
+            if self._unchecked >= CHUNK or not inside:
+                self._unchecked = 0
+                self.lattice.check(self.step)
             if self.recoarsener is not None:
                 self.recoarsener.went_on(now)
 
-    def _steps(self, drive: Drive, nodal: Drive, count: int) -> None:
-        """Steps by all ranks, where some follow."""
-        lattice, nodes = self.lattice, self._nodes
-        following = lattice.following()
-        if following is None:
-            _advance(lattice._state, lattice._terms, nodes, self._elements, drive, nodal, count, self.step)
-            return
+    def _look(self, wanted: np.ndarray) -> None:
+        """Release elements in the middle of a step."""
+        if len(wanted):
+            if self._parts is not None:
+                self._parts.collect()
+                self._parts = self.lattice._owner = None
+            changes.release(self, wanted, inside=True)
+
+    def _begin(self) -> None:
+        """Go to the middle of a step, by all ranks where these have the body."""
         if self._parts is None:
-            self._parts = Parts(following, ManifoldPart, lattice, nodes, self._elements)
-        nodes.displacement[:], nodes.velocity[:], nodes.force[:], sums = self._parts.order("advance_both", drive, nodal, count, self.step)
-        nodes.sums[:] += sums
+            _begin(self.lattice._state, self._nodes, self.step)
+        else:
+            self._take(self._parts.order("begin_both", self.step))
+
+    def _steps(self, count: int, ends: bool) -> None:
+        """Steps by all ranks, where some follow, from the middle of a step; to the end of the last one if it `ends`."""
+        lattice, nodes = self.lattice, self._nodes
+        following, own = lattice.following(), lattice.driving.drive(self.time, self.step, count)
+        nodal = self._nodal.drive(self.time, self.step, count)
+        if following is None:
+            _advance(lattice._state, lattice._terms, nodes, self._elements, own, nodal, count, self.step, ends)
+        else:
+            if self._parts is None:
+                self._parts = Parts(following, ManifoldPart, lattice, nodes, self._elements)
+            self._take(self._parts.order("advance_both", own, nodal, count, self.step, ends))
+        self._ready = lattice._ready = True
+        self.time += count * self.step
+        lattice.time = self.time
+
+    def _take(self, moved: tuple[np.ndarray, ...]) -> None:
+        """Motion and energy sums of the nodes from the ranks."""
+        nodes = self._nodes
+        nodes.displacement[:], nodes.velocity[:], nodes.force[:] = moved[:3]
+        nodes.sums[:] += moved[3]
 
     def parallel(self) -> dict[str, Any]:
         """How the work is shared out among ranks; nothing on one rank."""
@@ -394,7 +427,7 @@ class Manifold:
 
         Momentum is kept; what the kinetic energy and the strain energy lose is booked as `release_kinetic` and `release_strain`.
         """
-        changes.release(self, elements)
+        changes.release(self, elements, inside=False)
 
     def prepare(self) -> None:
         """Forces for the state of now, where something has changed since the last step; energies count from the first time."""
@@ -409,9 +442,9 @@ class Manifold:
         lattice, h = self.lattice, self.step
         self._parts = lattice._owner = None
         self._arrange_driving()
-        _advance(
+        _settle(
             lattice._state, lattice._terms, self._nodes, self._elements, lattice.driving.drive(self.time - h, h, 1),
-            self._nodal.drive(self.time - h, h, 1), 0, h,
+            self._nodal.drive(self.time - h, h, 1), h,
         )  # fmt: skip
         self._ready = lattice._ready = True
 
@@ -430,16 +463,29 @@ class Manifold:
         middle = elastic + ahead(of_bonds, state.force, self.step) + ahead(of_elements, nodes.force, self.step)
         kinetic = 0.5 * float((nodes.velocity**2).sum(axis=0) @ self.node_mass) + self.lattice.kinetic_energy()
         if self._inertia is not None:
-            more = self._heavier()
+            more = self._heavier(self._elements.active)
             kinetic, middle = kinetic + more[0], middle + more[1]
         sums = state.sums + nodes.sums
         lost = sums[DAMPING] + sums[ABSORBED] + sums[BREAKING] + sum(self._lost.values())
         return kinetic, elastic, middle + lost - sums[EXTERNAL] - sums[HELD] - sums[EXCESS]
 
-    def _heavier(self) -> tuple[float, float]:
+    def _heavier(self, elements: np.ndarray) -> tuple[float, float]:
+        """Kinetic energies of some elements beyond the lumped mass, see `bridge.manifold.inertia.heavier`."""
         nodes, drive = self._nodes, self._nodal.drive(self.time, self.step, 1)
         guess, way, room = nodes.velocity.copy(), np.zeros_like(nodes.velocity), np.zeros_like(nodes.velocity)
-        return _heavier(nodes, self._elements, self._inertia, drive, self.step, nodes.velocity, guess, way, room)
+        there = self._elements._replace(active=elements)
+        return _heavier(nodes, there, self._inertia, drive, self.step, nodes.velocity, guess, way, room)
+
+    def _influencing(self, elements: np.ndarray) -> np.ndarray:
+        """All elements that are there on which `_heavier` depends where it depends on some; none with the lumped mass."""
+        cells, shape, active = self.grid.cells, self.grid.shape, self._elements.active
+        if self._inertia is None:
+            return active[:0]
+        low, high = cells[elements].min(axis=0) - TURNS - 3, cells[elements].max(axis=0) + TURNS + 3
+        apart = np.maximum(low - cells[active], cells[active] - high)
+        around = np.maximum(low - cells[active] - shape, cells[active] - shape - high), np.maximum(low - cells[active] + shape, cells[active] + shape - high)
+        apart = np.where(self.grid.periodic, np.minimum(apart, np.minimum(*around)), apart)
+        return active[np.all(apart <= 0, axis=1)]
 
     def energies(self) -> dict[str, float]:
         """Energy terms in J; `balance` is the error of the account, without what the integrator's own energy jumps by in a release."""

@@ -11,6 +11,7 @@ from bridge.manifold import steps
 from continuum import bricks
 from particles.dispatch import Direct
 from particles.lattice import LatticeMaterial, geometry
+from particles.lattice.lanes import WIDTH
 
 Criterion = Callable[[np.ndarray], np.ndarray]
 PLACES = ("centre", "particles")
@@ -85,20 +86,22 @@ class Probe:
         outer = 0.5 / per_element
         ends = [np.unique((end, 1.0 - end)) for end in (outer if place == "particles" else np.full(len(size), 0.5))]
         points = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(size))
-        self._matrices = bricks.strain_matrix(points, size)  # (points, 6, dofs)
+        matrices = bricks.strain_matrix(points, size)  # (points, 6, dofs)
         if fold is not None:
-            self._matrices = self._matrices @ np.kron(fold, np.eye(len(size)))
+            matrices = matrices @ np.kron(fold, np.eye(len(size)))
+        self._count, flat = len(points), matrices.reshape(-1, matrices.shape[2])
+        self._table = np.zeros((flat.shape[1], -(-len(flat) // WIDTH) * WIDTH))
+        self._table[:, : len(flat)] = flat.T
 
     def strains(self, nodes: steps.Nodes, elements: steps.Elements, chosen: np.ndarray) -> np.ndarray:
-        """Strains (points, chosen, 6) of some elements."""
+        """Strains (chosen, points, 6) of some elements."""
         chosen = np.asarray(chosen, dtype=np.int32)
-        found = np.empty((len(self._matrices), len(chosen), 6))
-        for matrix, strain in zip(self._matrices, found):
-            _strains_at(nodes, elements, chosen, matrix, strain)
-        return found
+        found = np.empty((len(chosen), self._table.shape[1]))
+        _strains_at(nodes, elements, chosen, self._table, found)
+        return found[:, : 6 * self._count].reshape(len(chosen), self._count, 6)
 
     def meets(self, criterion: Criterion, nodes: steps.Nodes, elements: steps.Elements, chosen: np.ndarray) -> np.ndarray:
         """Which (chosen,) of some elements meet a criterion at one of their points."""
         strain = self.strains(nodes, elements, chosen)
         met: np.ndarray = np.asarray(criterion(strain.reshape(-1, 6)), dtype=bool).reshape(strain.shape[:2])
-        return np.any(met, axis=0)
+        return np.any(met, axis=1)

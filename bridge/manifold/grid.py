@@ -99,6 +99,11 @@ class Grid:
         before = np.cumsum(number) - number
         return np.sort(self._order[np.repeat(first - before, number) + np.arange(number.sum())])
 
+    def extremes(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Smallest and largest (elements,) of values (sites,) in each element."""
+        ordered, first = values[self._order], self._first[:-1]
+        return np.minimum.reduceat(ordered, first), np.maximum.reduceat(ordered, first)
+
     def filling(self) -> np.ndarray:
         """Number of sites (elements,)."""
         return np.diff(self._first)

@@ -14,7 +14,7 @@ from particles.lattice.part import Part
 from particles.lattice.state import Drive, State, Terms
 
 _carry, _pull = Direct(steps.carry_rows), Direct(steps.pull_nodes)
-_act_on_nodes, _kick_both = Direct(steps.act_on_nodes), Direct(steps.kick_both)
+_act_on_nodes, _kick_both, _begin = Direct(steps.act_on_nodes), Direct(steps.kick_both), Direct(steps.begin)
 _act = Direct(motion.act_on)
 
 
@@ -37,15 +37,19 @@ class ManifoldPart(Part):
         self._share = self.elements._replace(active=np.array_split(elements.active, comm.size)[comm.rank].copy())
         self._pulled = np.empty_like(self.nodes.force)
 
-    def advance_both(self, drive: Drive, nodal_drive: Drive, count: int, h: float) -> tuple[np.ndarray, ...]:
-        """Whole steps of particles and nodes together, from and to displacements, velocities and forces of one time (collective).
+    def begin_both(self, h: float) -> tuple[np.ndarray, ...]:
+        """Go to the middle of a step, see `bridge.manifold.steps.begin` (collective); returns what `advance_both` does."""
+        _begin(self.state, self.nodes, h)
+        return self._of_nodes()
+
+    def advance_both(self, drive: Drive, nodal_drive: Drive, count: int, h: float, ends: bool) -> tuple[np.ndarray, ...]:
+        """Whole steps of particles and nodes together, as `bridge.manifold.steps.advance` (collective).
 
         Returns:
             Displacements, velocities, forces (3, nodes) and energy sums of the nodes.
         """
         start, drive, nodal_drive = time.perf_counter(), self.mine(drive), self.told(1, nodal_drive)
         state, terms, nodes = self.state, self.terms, self.nodes
-        _kick_both(state, nodes, 0.5 * h, h)
         for s in range(count):
             self.exchange()
             _carry(state, nodes, self.elements)
@@ -54,9 +58,14 @@ class ManifoldPart(Part):
             self._sum_forces()
             _act(state, terms, drive, s, h)
             _act_on_nodes(nodes, self.elements, terms, nodal_drive, s, h)
-            _kick_both(state, nodes, *((h, h) if s < count - 1 else (0.5 * h, 0.0)))
-        _carry(state, nodes, self.elements)
+            _kick_both(state, nodes, *((h, h) if s < count - 1 or not ends else (0.5 * h, 0.0)))
+        if ends:
+            _carry(state, nodes, self.elements)
         self.seconds["stepping"] += time.perf_counter() - start
+        return self._of_nodes()
+
+    def _of_nodes(self) -> tuple[np.ndarray, ...]:
+        nodes = self.nodes
         sums = nodes.sums.copy()
         nodes.sums[:] = 0.0
         return nodes.displacement, nodes.velocity, nodes.force, sums

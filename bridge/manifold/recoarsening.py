@@ -21,7 +21,7 @@ import numpy as np
 from scipy.sparse import coo_array, diags
 from scipy.sparse.linalg import splu
 
-from bridge.manifold.changes import booked, exchange
+from bridge.manifold.changes import Change, booked
 from bridge.manifold.kinds import CONTINUUM, MANIFOLD, PARTICLES
 from continuum import bricks
 from particles.lattice.driving import Where, rows_of
@@ -100,13 +100,14 @@ class Recoarsener:
         self.returned = 0
         self._speed = min(one.wave_speed for one in body.lattice.materials)
 
-    def is_due(self, step_count: int) -> bool:
-        """Whether so many steps more ask for a look."""
-        return self.steps + step_count >= self.rule.check_every
+    @property
+    def left(self) -> int:
+        """Steps until the next look."""
+        return self.rule.check_every - self.steps
 
     def went_on(self, step_count: int) -> None:
         """Look, if it is time to, after so many steps."""
-        if not self.is_due(step_count):
+        if step_count < self.left:
             self.steps += step_count
             return
         self.steps = 0
@@ -189,6 +190,7 @@ class Recoarsener:
             elements = elements[fits]
         if not len(elements):
             return elements
+        change = Change(body, elements)
         with booked(body, "recoarsen"):
             for nodal, found in zip((body._nodes.displacement, body._nodes.velocity), motion):
                 nodal[: body.lattice.axes, nodes] = found.T
@@ -196,7 +198,7 @@ class Recoarsener:
             body.kind[elements] = MANIFOLD
             for own in (body.lattice._state.velocity, body.lattice._state.force):
                 own[:, sites] = 0.0  # they are the nodes' from now on
-            exchange(body, elements, self._coarsen())
+            change.carry_out(np.concatenate((elements, self._coarsen())))
             self.since[elements] = np.inf
             self.returned += len(elements)
         return elements

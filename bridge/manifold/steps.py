@@ -49,60 +49,72 @@ class Elements(NamedTuple):
 @njit(**KERNEL)
 def carry(state, nodes, elements):
     """Displacements and velocities of carried particles by those of the nodes: u = N u_e (eq 39)."""
+    u, v = nodes.displacement, nodes.velocity
     for q in range(len(elements.carried)):
         i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
-        for a in range(len(elements.axes)):
-            u = v = 0.0
-            for c in range(len(elements.corners)):
-                node, weight = elements.node[e, c], elements.shape[slot, c]
-                u += weight * nodes.displacement[a, node]
-                v += weight * nodes.velocity[a, node]
-            state.displacement[a, i] = u
-            state.velocity[a, i] = v
+        ux = uy = uz = vx = vy = vz = 0.0
+        for c in range(len(elements.corners)):
+            node, weight = elements.node[e, c], elements.shape[slot, c]
+            ux, uy, vx, vy = ux + weight * u[0, node], uy + weight * u[1, node], vx + weight * v[0, node], vy + weight * v[1, node]
+            if len(elements.axes) == 3:
+                uz, vz = uz + weight * u[2, node], vz + weight * v[2, node]
+        state.displacement[0, i], state.displacement[1, i], state.displacement[2, i] = ux, uy, uz
+        state.velocity[0, i], state.velocity[1, i], state.velocity[2, i] = vx, vy, vz
 
 
 @njit(**KERNEL)
 def element_forces(nodes, elements):
-    """Nodal forces - K u of all elements, written into `force`, as sums of lines of K, which is symmetric."""
-    f, u, moved = nodes.force, nodes.displacement, elements.room
-    axes, corners = len(elements.axes), len(elements.corners)
+    """Nodal forces of all elements, written into `force`."""
+    f = nodes.force
     for a in range(3):
         for i in range(f.shape[1]):
             f[a, i] = 0.0
     for q in range(len(elements.active)):
-        e = elements.active[q]
-        matrix = elements.stiffness[elements.kind[e]]
-        for c in range(corners):
-            for a in range(axes):
-                moved[axes * c + a] = u[a, elements.node[e, c]]
-        first = second = third = even(0.0)
-        for r in range(axes * corners):
-            line, by = matrix[r], moved[r]
-            first = first + load(line, 0) * by
-            if axes * corners > WIDTH:
-                second = second + load(line, WIDTH) * by
-            if axes * corners > 2 * WIDTH:
-                third = third + load(line, 2 * WIDTH) * by
-        store(moved, 0, first)
-        store(moved, WIDTH, second)
-        store(moved, 2 * WIDTH, third)
-        for c in range(corners):
-            node = elements.node[e, c]
-            for a in range(axes):
-                f[a, node] -= moved[axes * c + a]
+        pull(nodes, elements, elements.active[q])
+
+
+@njit(**KERNEL)
+def pull(nodes, elements, e):
+    """Add the nodal forces - K u of an element, as sums of lines of K, which is symmetric."""
+    f, u, moved = nodes.force, nodes.displacement, elements.room
+    axes, corners = len(elements.axes), len(elements.corners)
+    matrix = elements.stiffness[elements.kind[e]]
+    for c in range(corners):
+        for a in range(axes):
+            moved[axes * c + a] = u[a, elements.node[e, c]]
+    first = second = third = even(0.0)
+    for r in range(axes * corners):
+        line, by = matrix[r], moved[r]
+        first = first + load(line, 0) * by
+        if axes * corners > WIDTH:
+            second = second + load(line, WIDTH) * by
+        if axes * corners > 2 * WIDTH:
+            third = third + load(line, 2 * WIDTH) * by
+    store(moved, 0, first)
+    store(moved, WIDTH, second)
+    store(moved, 2 * WIDTH, third)
+    for c in range(corners):
+        node = elements.node[e, c]
+        for a in range(axes):
+            f[a, node] -= moved[axes * c + a]
 
 
 @njit(**KERNEL)
 def hand_over(state, moment, nodes, elements):
-    """Forces on carried particles to the nodes: F_e = N F (eq 38); published forces are on those with bonds to free particles alone."""
+    """Forces on carried particles to the nodes; published forces are on those with bonds to free particles alone."""
     for q in range(len(elements.carried)):
-        i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
-        if moment is None and state.force_kind[i] == NONE:
-            continue
-        for a in range(len(elements.axes)):
-            force = state.force[a, i]
-            for c in range(len(elements.corners)):
-                nodes.force[a, elements.node[e, c]] += elements.shape[slot, c] * force
+        if moment is not None or state.force_kind[elements.carried[q]] != NONE:
+            force_to_nodes(state, nodes, elements, q)
+
+
+@njit(**KERNEL)
+def force_to_nodes(state, nodes, elements, q):
+    """The force on a carried particle to the nodes of its element: F_e = N F (eq 38)."""
+    i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
+    for a in range(len(elements.axes)):
+        force = state.force[a, i]
+        for c in range(len(elements.corners)):
+            nodes.force[a, elements.node[e, c]] += elements.shape[slot, c] * force
 
 
 @njit(**KERNEL)
@@ -125,7 +137,7 @@ def hand_over_without_couples(state, terms, moment, nodes, elements):
 
 
 @njit(**KERNEL)
-def _hand_over_booked(state, terms, moment, nodes, elements, half, booked):
+def hand_over_booked(state, terms, moment, nodes, elements, half, booked):
     """The same; the work of the couples since the last evaluation is excess work, where this is booked."""
     if nodes.couples.size == 0:
         hand_over_without_couples(state, terms, moment, nodes, elements)
@@ -155,18 +167,23 @@ def couples(state, terms, moment, elements, force):
     """
     if moment is None:
         for q in range(len(elements.carried)):
-            i, e, slot = elements.carried[q], elements.carrier[q], elements.slot[q]
-            if state.force_kind[i] == NONE:
-                continue
-            x, y, z = couple_of(state, terms, i)
-            for c in range(len(elements.corners)):
-                node, by = elements.node[e, c], elements.gradient[slot, c]
-                force[0, node] -= 0.5 * z * by[1]
-                force[1, node] += 0.5 * z * by[0]
-                if len(elements.axes) == 3:
-                    force[0, node] += 0.5 * y * by[2]
-                    force[1, node] -= 0.5 * x * by[2]
-                    force[2, node] += 0.5 * (x * by[1] - y * by[0])
+            if state.force_kind[elements.carried[q]] != NONE:
+                couple_to_nodes(state, terms, elements, q, force)
+
+
+@njit(**KERNEL)
+def couple_to_nodes(state, terms, elements, q, force):
+    """The same of one carried particle."""
+    e, slot = elements.carrier[q], elements.slot[q]
+    x, y, z = couple_of(state, terms, elements.carried[q])
+    for c in range(len(elements.corners)):
+        node, by = elements.node[e, c], elements.gradient[slot, c]
+        force[0, node] -= 0.5 * z * by[1]
+        force[1, node] += 0.5 * z * by[0]
+        if len(elements.axes) == 3:
+            force[0, node] += 0.5 * y * by[2]
+            force[1, node] -= 0.5 * x * by[2]
+            force[2, node] += 0.5 * (x * by[1] - y * by[0])
 
 
 @njit(**KERNEL)
@@ -190,24 +207,40 @@ def evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, booked):
     carry(state, nodes, elements)
     motion.forces(state, terms, h, booked)
     element_forces(nodes, elements)
-    _hand_over_booked(state, terms, state.moment, nodes, elements, 0.5 * h, booked)
+    hand_over_booked(state, terms, state.moment, nodes, elements, 0.5 * h, booked)
     motion.act(state, terms.damping, drive, s, h, booked)
     act(nodes, elements, elements.inertia, terms.damping, nodal_drive, s, h, booked)
 
 
 @njit(**OUTER)
-def advance(state, terms, nodes, elements, drive, nodal_drive, steps, h):
-    """Whole steps of particles and nodes together, as `particles.lattice.motion.advance`."""
-    booked = 1.0 if steps else 0.0
-    motion.kick(state, booked * 0.5 * h, booked * h)
-    motion.kick(nodes, booked * 0.5 * h, booked * h)
-    for s in range(max(steps, 1)):
-        evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, booked)
-        if s < steps - 1:
+def advance(state, terms, nodes, elements, drive, nodal_drive, steps, h, ends):
+    """Whole steps of particles and nodes together, from the middle of a step (see `begin`) to that of another one, or to the end of the last.
+
+    Args:
+        ends: whether displacements and velocities become those of one time.
+    """
+    for s in range(steps):
+        evaluate(state, terms, nodes, elements, drive, nodal_drive, s, h, 1.0)
+        if s < steps - 1 or not ends:
             motion.kick(state, h, h)
             motion.kick(nodes, h, h)
-    motion.kick(state, booked * 0.5 * h, 0.0)
-    motion.kick(nodes, booked * 0.5 * h, 0.0)
+    if ends:
+        motion.kick(state, 0.5 * h, 0.0)
+        motion.kick(nodes, 0.5 * h, 0.0)
+        carry(state, nodes, elements)
+
+
+@njit(**STEPS)
+def begin(state, nodes, h):
+    """From displacements and velocities of one time to the middle of a step: displacements of its end, velocities half a step before."""
+    motion.kick(state, 0.5 * h, h)
+    motion.kick(nodes, 0.5 * h, h)
+
+
+@njit(**OUTER)
+def settle(state, terms, nodes, elements, drive, nodal_drive, h):
+    """All forces of now, nothing booked."""
+    evaluate(state, terms, nodes, elements, drive, nodal_drive, 0, h, 0.0)
     carry(state, nodes, elements)
 
 
@@ -252,17 +285,18 @@ def elastic(state, terms, nodes, elements):
 
 
 @njit(**STEPS)
-def strains_at(nodes, elements, chosen, matrix, strain):
-    """Strains (chosen, 6) of elements by a strain matrix (6, dofs)."""
-    axes = len(elements.axes)
+def strains_at(nodes, elements, chosen, table, strain):
+    """Strains (chosen, numbers) of elements by a table (dofs, numbers) of strain matrices, whole vectors a line."""
+    axes, corners, moved = len(elements.axes), len(elements.corners), elements.room
     for q in range(len(chosen)):
-        for r in range(6):
-            total = 0.0
-            for c in range(len(elements.corners)):
-                node = elements.node[chosen[q], c]
-                for a in range(axes):
-                    total += matrix[r, axes * c + a] * nodes.displacement[a, node]
-            strain[q, r] = total
+        for c in range(corners):
+            for a in range(axes):
+                moved[axes * c + a] = nodes.displacement[a, elements.node[chosen[q], c]]
+        for first in range(0, table.shape[1], WIDTH):
+            total = even(0.0)
+            for r in range(axes * corners):
+                total = total + load(table[r], first) * moved[r]
+            store(strain[q], first, total)
 
 
 @njit(**STEPS)

@@ -20,9 +20,10 @@ class Template:
     Args:
         grid: sites and elements.
         raster: of the lattice.
+        fold: (all dofs, dofs) of an element, of the corners that are distinct.
     """
 
-    def __init__(self, grid: Grid, raster: Raster) -> None:
+    def __init__(self, grid: Grid, raster: Raster, fold: np.ndarray) -> None:
         self._grid = grid
         n, ways = grid.per_element, np.arange(0, len(raster.steps), 2)
         origin = np.stack(np.meshgrid(*(np.arange(-1, m + 1) for m in n), indexing="ij"), axis=-1).reshape(-1, 3)
@@ -45,7 +46,7 @@ class Template:
         tensor = strain[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]], :]
         arm = raster.steps[way] * raster.pitch
         unit = arm / np.linalg.norm(arm, axis=1, keepdims=True)
-        deformation = np.einsum("brsa,bs->bra", tensor, arm)
+        deformation = np.einsum("brsa,bs->bra", tensor, arm) @ fold
         self.stretch = np.einsum("bra,br->ba", deformation, unit)  # (bonds, dofs)
         self.shear = deformation - self.stretch[:, None, :] * unit[:, :, None]  # (bonds, 3, dofs)
 

@@ -24,15 +24,15 @@ def arrange(state: State, terms: Terms, free: np.ndarray, carried: np.ndarray, r
     """
     near = state.near[rows]
     there, own_free, own_carried = near >= 0, free[rows, None], carried[rows, None]
-    other_free, other_known = there & free[near], there & (free | carried)[near]
+    other_free, other_known = there & free[near], there & (free[near] | carried[near])
     explicit = (own_free & other_known) | (own_carried & other_free)
     acting = explicit.any(axis=1) | free[rows]
     broken = state.bonds[rows] & BROKEN
     flags = np.where(there & (broken == 0), JOINED, 0) | np.where(explicit, EXPLICIT, 0) | broken
     state.bonds[rows] = np.where(acting[:, None], flags, 0)
+    plain = terms.plane is not None and state.moment is None and state.rotation is None
     for kind, flag in ((state.strain_kind, JOINED), (state.force_kind, JOINED | EXPLICIT)):
-        found = lists.kinds(rows, state.near, state.bonds, state.alike, flag)
-        kind[rows] = np.where(acting, found if state.moment is None and state.rotation is None else SPECIAL, 0)
+        kind[rows] = np.where(acting, lists.kinds(rows, state.near, state.bonds, state.alike, flag) if plain else SPECIAL, NONE)
     state.moving[rows] = free[rows]
     _set_clusters(state, terms, rows)
     _list_rows(state)
@@ -44,6 +44,13 @@ def needed(state: State, free: np.ndarray) -> np.ndarray:
     near = state.near[found]
     found[near[near >= 0]] = True
     return found & ~free
+
+
+def needed_among(state: State, free: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The same (rows,) of some rows alone."""
+    near = state.near[rows]
+    lending = (near >= 0) & (state.force_kind[near] > 0) & ~free[near]
+    return ~free[rows] & ((state.force_kind[rows] > 0) | lending.any(axis=1))
 
 
 def without_forces(state: State, rows: np.ndarray) -> None:

@@ -1,10 +1,12 @@
 """Stretches of rows whose neighbours lie in rows one after the other, too, as far as they have any, and blocks of eight rows in them.
 
 A row that lacks a neighbour where others of its stretch have one goes without it by its bits: all that counts is that the place, as far
-on as theirs, is a row of the lattice.
+on as theirs, is a row of the lattice. A row whose neighbour lies elsewhere has a stray, which its bits leave out, too, and which is added by itself.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,33 +19,45 @@ UNKNOWN = -(2**31)  # no row of a stretch has a neighbour in the direction yet
 
 
 @njit(**INNER)
-def _fits(near, alike, i, first, to):
-    """Whether a row may go on with a stretch that began at row `first`; writes into `to` what it adds."""
+def _fits(near, alike, later, i, first, to, beside):
+    """Whether a row may go on with a stretch that began at row `first`; writes into `to` and `beside` what it adds.
+
+    Neighbours that lie in the other part of the order (see `geometry.order`) may be elsewhere: they are strays.
+    """
     n, ways = near.shape
+    if alike[i] != alike[first]:
+        return False
     for k in range(ways):
         j, on = near[i, k], to[k]
-        if j >= 0 and (alike[j] != alike[i] or (on != UNKNOWN and j - i != on)):
-            return False
-        if j >= 0 and on == UNKNOWN and (first + j - i < 0 or first + j - i >= n):
-            return False
-        if j < 0 and on != UNKNOWN and (i + on < 0 or i + on >= n):
-            return False
+        if j < 0 or (later[j] != later[i] and on != UNKNOWN):
+            on = on if on != UNKNOWN else 0
+            if i + on < 0 or i + on >= n:
+                return False
+        else:
+            tied = on != UNKNOWN and later[beside[k]] == later[i]
+            if tied and (j - i != on or alike[j] != alike[beside[k]]):
+                return False
+            if not tied and (first + j - i < 0 or first + j - i >= n):
+                return False
     for k in range(ways):
-        if near[i, k] >= 0:
-            to[k] = near[i, k] - i
+        j = near[i, k]
+        if j >= 0 and (to[k] == UNKNOWN or (later[beside[k]] != later[i] and later[j] == later[i])):
+            to[k], beside[k] = j - i, j
     return True
 
 
 @njit(**STEPS)
-def find_stretches(near, alike, group, number, rows, on):
-    """Find all stretches of at least `WIDTH` rows of one group, with bonds of one stiffness around each.
+def find_stretches(near, alike, group, later, number, rows, on, beside):
+    """Find all stretches of at least `WIDTH` rows of one group, with bonds of one stiffness in each direction.
 
     Args:
         near: (n, directions) int32, -1 where there is no neighbour.
         alike, group: see `particles.lattice.groups`.
+        later: (n,) bool, see `geometry.order`.
         number: (n,) int32 of each row's stretch, -1 for none; written.
         rows: (room, 2) int32 first row of each and the one after its last; written.
         on: (room + 1, directions) int32, how many rows on the neighbours lie; written.
+        beside: (room + 1, directions) int32, a neighbour in each direction, -1 for none; written.
 
     Returns:
         How many there are.
@@ -51,8 +65,8 @@ def find_stretches(near, alike, group, number, rows, on):
     found, i, n = 0, 0, len(near)
     while i < n:
         first, to = i, on[found]
-        to[:] = UNKNOWN
-        while i < n and group[i] == group[first] and _fits(near, alike, i, first, to):
+        to[:], beside[found, :] = UNKNOWN, -1
+        while i < n and group[i] == group[first] and later[i] == later[first] and _fits(near, alike, later, i, first, to, beside[found]):
             i += 1
         if i - first >= WIDTH:
             number[first:i] = found
@@ -66,16 +80,54 @@ def find_stretches(near, alike, group, number, rows, on):
     return found
 
 
-def stretches(near: np.ndarray, alike: np.ndarray, group: np.ndarray, wanted: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Number (n,) of each row's stretch or -1, first row and end (stretches, 2), and rows on to its neighbours (stretches, directions).
+@njit(**STEPS)
+def find_strays(near, alike, number, on, beside, stray):
+    """Write a bit for each neighbour of a row in a stretch that lies elsewhere than those of the stretch, or has another stiffness."""
+    for i in range(len(near)):
+        stray[i] = 0
+        if number[i] >= 0:
+            for k in range(near.shape[1]):
+                j = near[i, k]
+                if j >= 0 and (j - i != on[number[i], k] or alike[j] != alike[beside[number[i], k]]):
+                    stray[i] |= 1 << k
 
-    There are none where `wanted` is False.
-    """
+
+class Stretches(NamedTuple):
+    """Stretches of the rows of a lattice."""
+
+    number: np.ndarray  # (n,) int32 of each row's stretch, -1 for none
+    rows: np.ndarray  # (stretches, 2) int32 first row, and the one after the last
+    on: np.ndarray  # (stretches, directions) int32, how many rows on the neighbours lie
+    pairs: np.ndarray  # (2, stretches, directions) materials of a row and of its neighbours
+    stray: np.ndarray  # (n,) int32, a bit for each neighbour that lies elsewhere
+
+
+def stretches(near: np.ndarray, material: np.ndarray, alike: np.ndarray, group: np.ndarray, later: np.ndarray, wanted: bool) -> Stretches:
+    """Stretches of rows; there are none where `wanted` is False. Arguments as for `find_stretches`."""
     n, ways = near.shape
     room = n // WIDTH
-    number, rows, on = (np.full(shape, -1, dtype=np.int32) for shape in (n, (room, 2), (room + 1, ways)))
-    found = find_stretches(near, alike, group, number, rows, on) if wanted else 0
-    return number, rows[:found].copy(), on[:found].copy()
+    number, rows, on, beside = (np.full(shape, -1, dtype=np.int32) for shape in (n, (room, 2), (room + 1, ways), (room + 1, ways)))
+    found, stray = 0, np.zeros(n, dtype=np.int32)
+    if wanted:
+        found = find_stretches(near, alike, group, later, number, rows, on, beside)
+        find_strays(near, alike, number, on, beside, stray)
+    own = np.broadcast_to(material[rows[:found, :1]], (found, ways))
+    there = np.where(beside[:found] >= 0, material[beside[:found]], own)
+    return Stretches(number, rows[:found].copy(), on[:found].copy(), np.stack((own, there)), stray)
+
+
+def springs(stiffness: np.ndarray, pairs: np.ndarray, spacing: float) -> np.ndarray:
+    """Stiffnesses (stretches, 2, 18) of the bonds of stretches as the loops over blocks want them: normal ones, those of oblique bonds half,
+    and d/2 times shear ones.
+
+    Args:
+        stiffness: (materials, 2) normal and shear, N/m.
+        pairs: materials of both ends, see `stretches`.
+    """
+    mean = 0.5 * (stiffness[pairs[0]] + stiffness[pairs[1]]).transpose(0, 2, 1)
+    mean[:, 0, 6:] *= 0.5
+    mean[:, 1] *= 0.5 * spacing
+    return np.ascontiguousarray(mean)
 
 
 @njit(**INNER)
@@ -108,11 +160,11 @@ def list_blocks(kind, number, stretch, first, last, blocks, rows, found, others)
 
 
 @njit(**INNER)
-def mask_of(bonds, i):
-    """Bits of a row for what its bonds (n, directions) are."""
+def mask_of(bonds, stray, i):
+    """Bits of a row for what its bonds (n, directions) are, without strays."""
     word = np.int64(0)
     for k in range(bonds.shape[1]):
-        flags = bonds[i, k]
+        flags = 0 if stray[i] >> k & 1 else bonds[i, k]
         if flags & JOINED:
             word |= np.int64(1) << (JOINED_BIT + k)
         if flags & EXPLICIT:

@@ -7,11 +7,12 @@ import math
 import numpy as np
 from numba import njit
 
-from particles.lattice.general import bond_energy, elongation_of, force_special, set_clusters, shear_of, strain_special
+from particles.lattice.general import ALL, elongation_of, set_clusters, shear_of, strain_special
 from particles.lattice.lanes import WIDTH
 from particles.lattice.lists import list_kinds
-from particles.lattice.masked import energy_masked, force_masked
-from particles.lattice.regular import worst_cubic, worst_hexagonal
+from particles.lattice.masked import NEARLY
+from particles.lattice.regular import worst_hexagonal
+from particles.lattice.some import energy_of, forces_of, power_of
 from particles.lattice.state import (
     AWAKE,
     BROKEN,
@@ -21,10 +22,11 @@ from particles.lattice.state import (
     FORCE_SPECIAL,
     REGULAR,
     SPECIAL,
+    UNLIMITED,
 )  # fmt: skip
 from particles.system import KERNEL, OUTER
 
-NEARLY = 1.0 - 1e-9  # of a limit: what may be at it but for rounding
+MOST = 9  # bonds of a row in even directions
 
 
 @njit(**KERNEL)
@@ -58,28 +60,36 @@ def _cut(state, i, k):
 
 
 @njit(**KERNEL)
-def _near_failure(state, terms, smallest, plane, first, count):
+def _near_failure(state, terms, smallest, first, count):
     """Whether any bond of a run has come to its limit, but for rounding."""
     u, e, group = state.displacement, state.strain, state.group[first]
-    if plane is None:
-        worst = worst_cubic(
-            first, count, state.near[first], terms.spacing, smallest[group, 0], smallest[group, 1], u[0], u[1], u[2],
-            e[0], e[1], e[2], e[3], e[4], e[5],
-        )  # fmt: skip
-    else:
-        worst = worst_hexagonal(
-            first, count, state.near[first], terms.spacing, smallest[group, 0], smallest[group, 1], u[0], u[1], e[0], e[1], e[5]
-        )
+    worst = worst_hexagonal(
+        first, count, state.near[first], terms.spacing, smallest[group, 0], smallest[group, 1], u[0], u[1], e[0], e[1], e[5]
+    )
     return worst > NEARLY
 
 
 @njit(**KERNEL)
-def _any_fails(state, terms, limits, i):
-    """Whether any of the bonds fails that a row leaves in even directions."""
-    for k in range(0, state.near.shape[1], 2):
-        if fails(state, terms, limits, i, k):
-            return True
-    return False
+def _failing_ways(state, terms, limits, moving, i, asked):
+    """A bit for each even direction, of those with a bit in `asked`, in which a bond of a row fails; none of rows that are not asked."""
+    ways = 0
+    if moving is None or moving[i]:
+        for k in range(0, state.near.shape[1], 2):
+            if asked >> k & 1 and fails(state, terms, limits, i, k):
+                ways |= 1 << k
+    return ways
+
+
+@njit(**OUTER)
+def _noted(room, found, i, ways):
+    """Add the bonds of a row in some directions to the first `found` of `room`, which is doubled where it is full."""
+    if found + MOST > len(room):
+        room = np.concatenate((room, np.empty((len(room) + MOST, 2), dtype=np.int64)))
+    for k in range(0, 2 * MOST, 2):
+        if ways >> k & 1:
+            room[found, 0], room[found, 1] = i, k
+            found += 1
+    return room, found
 
 
 @njit(**OUTER)
@@ -91,39 +101,45 @@ def failing(state, terms, limits, moving):
     Args:
         moving: None, or the rows (n,) uint8 that are asked, others are not.
     """
-    found, room = 0, np.empty((16, 2), dtype=np.int64)
+    found, room = 0, np.empty((MOST, 2), dtype=np.int64)
     for q in range(state.counts[FORCE_RUNS]):
         first, count = state.force_runs[q, 0], state.force_runs[q, 1]
-        if not _near_failure(state, terms, terms.smallest, terms.plane, first, count):
+        if _never_fails(state, terms.smallest, first) or not _near_failure(state, terms, terms.smallest, first, count):
             continue
         for i in range(first, first + count):
-            found, room = _failing_at(state, terms, limits, moving, i, found, room)
-    asked = 0  # blocks may have rows in common
+            ways = _failing_ways(state, terms, limits, moving, i, ALL)
+            if ways:
+                room, found = _noted(room, found, i, ways)
     for q in range(state.counts[FORCE_BLOCKS]):
-        first = state.force_blocks[q, 0]
-        if state.reached[q] > NEARLY:
+        reached = state.reached[q]
+        if reached:
+            first = state.force_blocks[q, 0]
+            asked = state.force_blocks[q - 1, 0] + WIDTH if q > 0 else 0  # blocks may have rows in common
             for i in range(max(first, asked), first + WIDTH):
-                if state.force_kind[i] == SPECIAL and _any_fails(state, terms, limits, i):
-                    found, room = _failing_at(state, terms, limits, moving, i, found, room)
-        asked = first + WIDTH
+                ways = 0
+                if reached >> (i - first) & 1 and state.force_kind[i] == SPECIAL:
+                    ways = _failing_ways(state, terms, limits, moving, i, ~state.stray[i])
+                if ways:
+                    room, found = _noted(room, found, i, ways)
     for q in range(state.counts[FORCE_SPECIAL]):
-        if _any_fails(state, terms, limits, state.force_special[q]):
-            found, room = _failing_at(state, terms, limits, moving, state.force_special[q], found, room)
+        i, ways = state.force_special[q], 0
+        if not _never_fails(state, terms.smallest, i):
+            ways = _failing_ways(state, terms, limits, moving, i, ALL)
+        if ways:
+            room, found = _noted(room, found, i, ways)
+    for i in state.strays:
+        ways = 0
+        if state.force_kind[i] and not _never_fails(state, terms.smallest, i):
+            ways = _failing_ways(state, terms, limits, moving, i, state.stray[i])
+        if ways:
+            room, found = _noted(room, found, i, ways)
     return room[:found]
 
 
-@njit(**OUTER)
-def _failing_at(state, terms, limits, moving, i, found, room):
-    """Add the failing bonds of one row to `room`, which is doubled where it is full."""
-    if moving is not None and not moving[i]:
-        return found, room
-    for k in range(0, state.near.shape[1], 2):
-        if fails(state, terms, limits, i, k):
-            if found == len(room):
-                room = np.concatenate((room, np.empty_like(room)))
-            room[found, 0], room[found, 1] = i, k
-            found += 1
-    return found, room
+@njit(**KERNEL)
+def _never_fails(state, smallest, i):
+    """Whether the bonds of a row, and of others of its group, have no limits."""
+    return smallest[state.group[i], 0] >= UNLIMITED and smallest[state.group[i], 1] >= UNLIMITED
 
 
 @njit(**OUTER)
@@ -179,12 +195,20 @@ def break_all(state, terms, broken, ends, around, counted):
         ends, around: see `touched`.
         counted: None, or (n,) uint8: rows whose bonds in even directions count here.
     """
-    before = _energy(state, terms, around, counted)
+    before = energy_of(state, terms, around, counted)
     cut_all(state, terms, broken, ends)
     for i in ends:
         if state.strain_kind[i]:
             strain_special(state, terms, state.rotation, i)
-    return before - _energy(state, terms, around, counted)
+    return before - energy_of(state, terms, around, counted)
+
+
+@njit(**KERNEL)
+def forces_anew(state, terms, rows):
+    """Forces of rows (in order), and of others in their blocks, by their own bonds; returns the sum of v.(F before - F) of the rows (W)."""
+    power = power_of(state, rows)
+    forces_of(state, terms, terms.smallest, rows)
+    return power - power_of(state, rows)
 
 
 @njit(**OUTER)
@@ -192,62 +216,4 @@ def break_together(state, terms, broken, counted, by):
     """Break bonds and find the forces without them; the energy that is lost, with what the forces change for a time `by` (s), J."""
     ends, around = touched(state, broken)
     lost = break_all(state, terms, broken, ends, around, counted)
-    return lost + by * forces_anew(state, terms, terms.smallest, around)
-
-
-@njit(**OUTER)
-def _energy(state, terms, rows, counted):
-    """Energy (J) of the bonds that rows (in order) leave in even directions, of those rows that count; of others in their blocks, too."""
-    total, done, mask = 0.0, 0, _counted(state.mask, counted)
-    for i in rows:
-        if i < done:
-            continue
-        number = state.stretch_of[i]
-        if number >= 0 and i + WIDTH <= state.stretch[number, 1]:
-            done = i + WIDTH
-            total += energy_masked(
-                i, state.onward[number], mask, terms.spacing, terms.normal, terms.shear, state.material[i], state.displacement,
-                state.strain,
-            )  # fmt: skip
-        elif mask[i]:
-            for k in range(0, state.near.shape[1], 2):
-                total += bond_energy(state, terms, i, k)
-    return total
-
-
-@njit(**OUTER)
-def _counted(mask, counted):
-    """Bits of the rows that count, none of the others."""
-    if counted is None:
-        return mask
-    return mask * counted
-
-
-@njit(**KERNEL)
-def forces_anew(state, terms, smallest, rows):
-    """Forces of rows (in order), and of others in their blocks, by their own bonds; returns the sum of v.(F before - F) of the rows (W)."""
-    power, done = _power(state, rows), 0
-    for i in rows:
-        if i < done or not state.force_kind[i]:
-            continue
-        number = state.stretch_of[i]
-        if number >= 0 and i + WIDTH <= state.stretch[number, 1]:
-            done = i + WIDTH
-            force_masked(
-                i, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, smallest, state.material[i],
-                state.group[i], state.displacement, state.strain, state.force,
-            )  # fmt: skip
-        else:
-            state.force[0, i] = state.force[1, i] = state.force[2, i] = 0.0
-            force_special(state, terms, state.moment, state.rotation, i)
-    return power - _power(state, rows)
-
-
-@njit(**KERNEL)
-def _power(state, rows):
-    """Sum of v.F of rows (W)."""
-    total = 0.0
-    for i in rows:
-        for a in range(3):
-            total += state.velocity[a, i] * state.force[a, i]
-    return total
+    return lost + by * forces_anew(state, terms, around)

@@ -46,7 +46,7 @@ class Driving:
         self._drive: Any = None
         self._loads: list[tuple[np.ndarray, np.ndarray]] = []
         self._load_histories: list[History] = []
-        self._held: list[tuple[np.ndarray, int]] = []
+        self._holder: np.ndarray = np.full((3, 0), -1, dtype=np.int32)  # which history holds a component of a row, -1 for none
         self._held_histories: list[History] = []
         self._dashpots: list[tuple[np.ndarray, np.ndarray]] = []
 
@@ -61,10 +61,11 @@ class Driving:
         rows = rows_of(where, self._reference)
         if not directions or set(directions) - set("xyz"):
             raise ValueError(f'directions="{directions}" must name some of "xyz"')
+        if not self._held_histories:
+            self._holder = np.full((3, len(self._reference)), -1, dtype=np.int32)
         for axis in map("xyz".index, directions):
-            self._held = [(old[~np.isin(old, rows)] if a == axis else old, a) for old, a in self._held]
-            self._held.append((rows, axis))
-            self._held_histories.append(velocity)
+            self._holder[axis, rows] = len(self._held_histories)
+        self._held_histories.append(velocity)
 
     def absorb(self, where: Where, coefficients: Any) -> None:
         """Dashpots (3,) or (rows, 3) in N s/m on rows."""
@@ -76,16 +77,24 @@ class Driving:
         loads, dashpots = (
             [(rows[free[rows]], values[free[rows]]) for rows, values in parts] for parts in (self._loads, self._dashpots)
         )
-        held = [(rows[free[rows]], axis) for rows, axis in self._held]
         absorbing, coefficients = _joined(dashpots)
-        for rows, axis in held:
-            coefficients[np.isin(absorbing, rows), axis] = 0.0
+        held = [np.empty(0, dtype=np.int32)] * 3
+        if self._held_histories:
+            rows = np.flatnonzero(free).astype(np.int32)
+            held = [rows[holder[rows] >= 0] for holder in self._holder]
+            coefficients[self.is_held(absorbing).T] = 0.0
         none = np.empty((0, 0))
         self._drive = Drive(
             *_joined(loads), _groups([rows for rows, _ in loads]), none,
-            _rows([rows for rows, _ in held]), np.repeat([axis for _, axis in held], [len(rows) for rows, _ in held]).astype(np.int32),
-            _groups([rows for rows, _ in held]), none, absorbing, coefficients,
+            np.concatenate(held), _groups(held).astype(np.int32),
+            np.concatenate([holder[rows] for holder, rows in zip(self._holder, held)]), none, absorbing, coefficients,
         )  # fmt: skip
+
+    def is_held(self, rows: np.ndarray) -> np.ndarray:
+        """Which components (3, rows) of rows are held."""
+        if not self._held_histories:
+            return np.zeros((3, len(rows)), dtype=bool)
+        return self._holder[:, rows] >= 0
 
     def drive(self, time: float, step: float, steps: int) -> Drive:
         """Histories at the evaluations after `time`: one a step, the first a step later."""

@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from particles.lattice.blocks import mask_of
 from particles.lattice.state import BROKEN, EXPLICIT, JOINED
-from particles.system import KERNEL, OUTER
+from particles.system import INLINE, KERNEL, STEPS
 
+ALL = -1  # bits of all directions
 TURNS = 40  # at most, of the iteration for the polar decomposition
 LEAST = 1e-3  # determinant of a gradient: a neighbourhood that is pressed flat has no rotation
-CUT = 1e-8  # of the largest moment of a cluster: smaller ones have no direction
-SPANNING = 1e-5  # determinant over the cube of the trace of moments that are inverted directly; at most 1/27
+SPANNING = 1e-5  # determinant over the cube of the trace of moments that span space, and minors over its square of those that span a plane
 
 
 @njit(**KERNEL)
-def gradient_of(state, terms, i):
-    """Displacement gradient (xx, xy, ..., zz by rows) by least squares:  H = sum (u_k - u_i) (A (X_k - mean X))."""
+def gradient_of(state, terms, i, ways):
+    """Displacement gradient (xx, xy, ..., zz by rows) by least squares:  H = sum (u_k - u_i) (A (X_k - mean X)), over directions with a bit."""
     u, c = state.displacement, state.cluster
     ux, uy, uz = u[0, i], u[1, i], u[2, i]
     hxx = hxy = hxz = hyx = hyy = hyz = hzx = hzy = hzz = 0.0
     for k in range(state.near.shape[1]):
-        if state.bonds[i, k] & JOINED:
+        if ways >> k & 1 and state.bonds[i, k] & JOINED:
             j = state.near[i, k]
             x, y, z = terms.vectors[k, 0] - c[6, i], terms.vectors[k, 1] - c[7, i], terms.vectors[k, 2] - c[8, i]
             gx = c[0, i] * x + c[5, i] * y + c[4, i] * z
@@ -78,7 +77,7 @@ def turned_back(t, g):
 @njit(**KERNEL)
 def strain_special(state, terms, rotation, i):
     """Strain of one row: the symmetric part of the gradient H, or U - I of the polar decomposition I + H = R U."""
-    hxx, hxy, hxz, hyx, hyy, hyz, hzx, hzy, hzz = gradient_of(state, terms, i)
+    hxx, hxy, hxz, hyx, hyy, hyz, hzx, hzy, hzz = gradient_of(state, terms, i, ALL)
     e = state.strain
     if rotation is not None:
         gradient = 1.0 + hxx, hxy, hxz, hyx, 1.0 + hyy, hyz, hzx, hzy, 1.0 + hzz
@@ -92,6 +91,19 @@ def strain_special(state, terms, rotation, i):
 
 
 @njit(**KERNEL)
+def add_stray_strain(state, terms, i):
+    """What the strays of a row in a stretch add to its strain; rotations are small."""
+    hxx, hxy, hxz, hyx, hyy, hyz, hzx, hzy, hzz = gradient_of(state, terms, i, state.stray[i])
+    e = state.strain
+    e[0, i] += hxx
+    e[1, i] += hyy
+    e[2, i] += hzz
+    e[3, i] += 0.5 * (hyz + hzy)
+    e[4, i] += 0.5 * (hxz + hzx)
+    e[5, i] += 0.5 * (hxy + hyx)
+
+
+@njit(**KERNEL)
 def shear_of(state, terms, i, j, k):
     """Shear deformation (I - n n) e X of the bond from i to j, its strain the mean of both ends; vector in m."""
     e = state.strain
@@ -100,7 +112,8 @@ def shear_of(state, terms, i, j, k):
     ex = 0.5 * (e[0, i] + e[0, j]) * x + xy * y + xz * z
     ey = xy * x + 0.5 * (e[1, i] + e[1, j]) * y + yz * z
     ez = xz * x + yz * y + 0.5 * (e[2, i] + e[2, j]) * z
-    along = (ex * x + ey * y + ez * z) / (x * x + y * y + z * z)
+    x, y, z = terms.units[k, 0], terms.units[k, 1], terms.units[k, 2]
+    along = ex * x + ey * y + ez * z
     return ex - along * x, ey - along * y, ez - along * z
 
 
@@ -113,8 +126,7 @@ def elongation_of(state, terms, rotation, i, j, k):
         length = math.sqrt(x * x + y * y + z * z)
         rest = math.sqrt(d[k, 0] * d[k, 0] + d[k, 1] * d[k, 1] + d[k, 2] * d[k, 2])
         return length - rest, x / length, y / length, z / length
-    scale = 1.0 / math.sqrt(d[k, 0] * d[k, 0] + d[k, 1] * d[k, 1] + d[k, 2] * d[k, 2])
-    nx, ny, nz = scale * d[k, 0], scale * d[k, 1], scale * d[k, 2]
+    nx, ny, nz = terms.units[k, 0], terms.units[k, 1], terms.units[k, 2]
     return nx * (u[0, j] - u[0, i]) + ny * (u[1, j] - u[1, i]) + nz * (u[2, j] - u[2, i]), nx, ny, nz
 
 
@@ -136,12 +148,12 @@ def turned_by(rotation, i, j, x, y, z):
 
 
 @njit(**KERNEL)
-def force_special(state, terms, moment, rotation, i):
-    """Force (N) on one row by its own bonds: F = k_n u_n n + k_s u_s; broken bonds push only."""
+def add_force(state, terms, moment, rotation, i, ways):
+    """Add the force (N) on one row by its own bonds, in directions with a bit: F = k_n u_n n + k_s u_s; broken bonds push only."""
     fx = fy = fz = 0.0
     for k in range(state.near.shape[1]):
         flags = state.bonds[i, k]
-        if flags & EXPLICIT:
+        if ways >> k & 1 and flags & EXPLICIT:
             j = state.near[i, k]
             stretch, nx, ny, nz = elongation_of(state, terms, state.rotation, i, j, k)
             if flags & BROKEN:
@@ -208,9 +220,45 @@ def spread_moment(state, terms, m, i):
     f[2, i] += sz
 
 
+@njit(**INLINE)
+def _cofactors(m):
+    """Of a symmetric matrix xx, yy, zz, yz, xz, xy, in the same order."""
+    xx, yy, zz, yz, xz, xy = m
+    return yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy, xy * xz - xx * yz, xy * yz - xz * yy, xz * yz - xy * zz
+
+
+@njit(**INLINE)
+def _inverse(m):
+    """Of a symmetric matrix with the determinant, in the order of `_cofactors`."""
+    c = _cofactors(m)
+    by = 1.0 / (m[0] * c[0] + m[5] * c[5] + m[4] * c[4])
+    return by * c[0], by * c[1], by * c[2], by * c[3], by * c[4], by * c[5]
+
+
+@njit(**KERNEL)
+def _pseudo_inverse(m):
+    """Of a symmetric matrix M without negative eigenvalues, in the order of `_cofactors`; eigenvalues that are nearly zero count as zero.
+
+    With one of them n n^T is the matrix of cofactors over its trace, and M^+ = (M + s n n^T)^-1 - n n^T / s for any s; with two
+    M^+ = M / tr(M)^2.
+    """
+    trace, c = m[0] + m[1] + m[2], _cofactors(m)
+    minors = c[0] + c[1] + c[2]
+    if m[0] * c[0] + m[5] * c[5] + m[4] * c[4] > SPANNING * trace**3:
+        return _inverse(m)
+    if minors > SPANNING * trace * trace:
+        to, off = trace / minors, 1.0 / (trace * minors)  # s is the trace
+        i = _inverse((m[0] + to * c[0], m[1] + to * c[1], m[2] + to * c[2], m[3] + to * c[3], m[4] + to * c[4], m[5] + to * c[5]))
+        return (
+            i[0] - off * c[0], i[1] - off * c[1], i[2] - off * c[2], i[3] - off * c[3], i[4] - off * c[4], i[5] - off * c[5]
+        )  # fmt: skip
+    by = 1.0 / (trace * trace) if trace > 0.0 else 0.0
+    return by * m[0], by * m[1], by * m[2], by * m[3], by * m[4], by * m[5]
+
+
 @njit(**KERNEL)
 def _set_cluster(state, terms, i):
-    """Inverse moments and mean arm of a row whose cluster spans space; whether it does."""
+    """Inverse moments and mean arm of a row: those of itself and what is joined to it about their mean."""
     xx = yy = zz = yz = xz = xy = x = y = z = 0.0
     members = 1.0
     for k in range(state.near.shape[1]):
@@ -222,45 +270,29 @@ def _set_cluster(state, terms, i):
     x, y, z = x / members, y / members, z / members
     xx, yy, zz = xx - members * x * x, yy - members * y * y, zz - members * z * z
     yz, xz, xy = yz - members * y * z, xz - members * x * z, xy - members * x * y
-    c = state.cluster
-    c[6, i], c[7, i], c[8, i] = x, y, z
-    ux, uy, uz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy  # cofactors
-    det = xx * ux + xy * uy + xz * uz
-    if not det > SPANNING * (xx + yy + zz) ** 3:
-        return False
-    c[0, i], c[1, i], c[2, i] = ux / det, (xx * zz - xz * xz) / det, (xx * yy - xy * xy) / det
-    c[3, i], c[4, i], c[5, i] = (xy * xz - xx * yz) / det, uz / det, uy / det
-    return True
+    cluster, found = state.cluster, _pseudo_inverse((xx, yy, zz, yz, xz, xy))
+    cluster[0, i], cluster[1, i], cluster[2, i] = found[0], found[1], found[2]
+    cluster[3, i], cluster[4, i], cluster[5, i] = found[3], found[4], found[5]
+    cluster[6, i], cluster[7, i], cluster[8, i] = x, y, z
 
 
-@njit(**OUTER)
-def _set_flat_cluster(state, terms, i):
-    """Inverse moments by the pseudo-inverse, the mean arm being known."""
-    c = state.cluster
-    mean = np.array((c[6, i], c[7, i], c[8, i]))
-    moments = mean.reshape(3, 1) * mean  # of the row itself, whose arm is zero
-    for k in range(state.near.shape[1]):
-        if state.bonds[i, k] & JOINED:
-            arm = terms.vectors[k] - mean
-            moments += arm.reshape(3, 1) * arm
-    value, vector = np.linalg.eigh(moments)
-    inverse = np.zeros((3, 3))
-    for p in range(3):
-        if value[p] > CUT * value[2]:
-            for a in range(3):
-                for b in range(3):
-                    inverse[a, b] += vector[a, p] * vector[b, p] / value[p]
-    c[0, i], c[1, i], c[2, i] = inverse[0, 0], inverse[1, 1], inverse[2, 2]
-    c[3, i], c[4, i], c[5, i] = inverse[1, 2], inverse[0, 2], inverse[0, 1]
-
-
-@njit(**OUTER)
+@njit(**STEPS)
 def set_clusters(state, terms, rows):
     """Bits of some rows, inverse moments A (pseudo-inverse) and mean arms of their clusters: each row itself and what is joined to it."""
     for i in rows:
-        state.mask[i] = mask_of(state.bonds, i)
-        if state.strain_kind[i] and not _set_cluster(state, terms, i):
-            _set_flat_cluster(state, terms, i)
+        state.mask[i] = mask_of(state.bonds, state.stray, i)
+        if state.strain_kind[i]:
+            _set_cluster(state, terms, i)
+
+
+@njit(**KERNEL)
+def energy_of_row(state, terms, i, ways):
+    """Elastic energy (J) of the bonds of a row in those even directions that have a bit."""
+    total = 0.0
+    for k in range(0, state.near.shape[1], 2):
+        if ways >> k & 1:
+            total += bond_energy(state, terms, i, k)
+    return total
 
 
 @njit(**KERNEL)

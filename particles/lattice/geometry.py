@@ -6,6 +6,8 @@ from itertools import product
 
 import numpy as np
 
+from particles.lattice.lanes import WIDTH
+
 # Pairs of opposite directions, in steps of the lattice: axes and face diagonals of the cubic lattice
 CUBIC = ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1))
 # steps (along a row, up a row): the second axis of the hexagonal lattice points 60 degrees up
@@ -22,6 +24,14 @@ def directions(axes: int) -> np.ndarray:
 def vectors(axes: int, spacing: float) -> np.ndarray:
     """Reference bond vectors (18 or 6, 3) in m."""
     return spacing * (directions(axes) @ basis(axes).T)
+
+
+def whole_cluster(spacing: float) -> np.ndarray:
+    """Inverse moments (xx, yy, zz, yz, xz, xy in 1/m2) and mean arm of a row of the cubic lattice with all neighbours, (9, 8)."""
+    arms = vectors(3, spacing)
+    moments = np.linalg.inv(arms.T @ arms)
+    found = np.concatenate((np.diag(moments), (moments[1, 2], moments[0, 2], moments[0, 1]), arms.mean(axis=0)))
+    return np.repeat(found[:, None], WIDTH, axis=1)
 
 
 def basis(axes: int) -> np.ndarray:
@@ -54,19 +64,23 @@ def places(sites: np.ndarray, spacing: float) -> np.ndarray:
     return found
 
 
-def order(found: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Order of the sites with the longest axis fastest, and the axes from slow to fast."""
-    extent = found.max(axis=0)
-    axes = tuple(int(axis) for axis in np.argsort(extent, kind="stable"))
-    return np.lexsort(tuple(found[:, axis] for axis in axes[::-1])), axes
+def slow_first(found: np.ndarray) -> tuple[int, int, int]:
+    """Axes of places (n, 3) from slow to fast: the longest one is fastest, the shortest one next, so that neighbours lie near in memory."""
+    short, middle, long = np.argsort(np.ptp(found, axis=0), kind="stable")
+    return int(middle), int(short), int(long)
 
 
-def neighbours(found: np.ndarray, axes: tuple[int, ...], steps: np.ndarray, periodic: tuple[bool, ...]) -> np.ndarray:
+def order(found: np.ndarray, later: np.ndarray) -> np.ndarray:
+    """Order of sites: those that are not `later` (n,) bool come first, as what elements leave to particles shall lie together."""
+    slow, next_one, fast = slow_first(found)
+    return np.lexsort((found[:, fast], found[:, next_one], found[:, slow], later))
+
+
+def neighbours(found: np.ndarray, steps: np.ndarray, periodic: tuple[bool, ...]) -> np.ndarray:
     """Row (n, steps) int32 of the neighbour in each direction, -1 where there is none.
 
     Args:
-        found: places (n, 3), sorted by `order`.
-        axes: from slow to fast.
+        found: places (n, 3).
         steps: (k, 3).
         periodic: axes along which the lattice repeats.
 
@@ -75,24 +89,32 @@ def neighbours(found: np.ndarray, axes: tuple[int, ...], steps: np.ndarray, peri
     """
     shape = found.max(axis=0) + 1
     wide = shape + 2  # a margin instead of a look whether a neighbour is outside
-    stride = np.zeros(3, dtype=np.int64)
-    stride[list(axes)] = wide[axes[1]] * wide[axes[2]], wide[axes[2]], 1
-    keys = (found + 1) @ stride  # ascending
+    stride = np.array((wide[1] * wide[2], wide[2], 1))
+    keys = (found + 1) @ stride
+    rows = np.argsort(keys, kind="stable").astype(np.int32)
+    keys = keys[rows]
     images = _images(found, len(steps), periodic)
     table = np.empty((len(found), len(steps)), dtype=np.int32)
     for k, step in enumerate(steps):
-        table[:, k] = _rows_at(found + step, keys, stride, wide)
+        table[:, k] = _rows_at(found + step, keys, rows, stride, wide)
         for image in images:
             missing = np.flatnonzero(table[:, k] < 0)
-            table[missing, k] = _rows_at(found[missing] + step + image, keys, stride, wide)
+            table[missing, k] = _rows_at(found[missing] + step + image, keys, rows, stride, wide)
     return table
 
 
-def _rows_at(places: np.ndarray, keys: np.ndarray, stride: np.ndarray, wide: np.ndarray) -> np.ndarray:
-    """Rows (k,) of places (k, 3), -1 where there is no site."""
+def renumbered(table: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """A table of neighbours (n, steps) for rows in another order (n,)."""
+    row = np.empty(len(order) + 1, dtype=np.int32)
+    row[order], row[-1] = np.arange(len(order)), -1
+    return row[table[order]]
+
+
+def _rows_at(places: np.ndarray, keys: np.ndarray, rows: np.ndarray, stride: np.ndarray, wide: np.ndarray) -> np.ndarray:
+    """Rows (k,) of places (k, 3), -1 where there is no site; `keys` are those of `rows`, ascending."""
     wanted = (places + 1) @ stride
     where = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.where((keys[where] == wanted) & np.all((places >= -1) & (places + 1 < wide), axis=1), where, -1)
+    return np.where((keys[where] == wanted) & np.all((places >= -1) & (places + 1 < wide), axis=1), rows[where], -1)
 
 
 def _images(found: np.ndarray, ways: int, periodic: tuple[bool, ...]) -> np.ndarray:

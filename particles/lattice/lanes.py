@@ -66,9 +66,14 @@ def even(number):
     return np.full(WIDTH, number)
 
 
-def largest(numbers):
-    """The largest of all."""
-    return float(numbers.max())
+def above(numbers, limit):
+    """A bit for each lane whose number is above a limit."""
+    return int(((numbers > limit) << np.arange(WIDTH)).sum())
+
+
+def all_have(words, bits):
+    """Whether the words of all lanes have all of some bits."""
+    return bool(np.all(words & bits == bits))
 
 
 def sum_of(numbers):
@@ -200,27 +205,47 @@ def _compiled_even(number):
     return lambda number: _even(number)
 
 
-def _reduced(combine: Callable[..., Any]) -> Any:
-    @intrinsic
-    def reduce(typing_context, numbers):
-        def code(context, builder, signature, arguments):
-            lanes = [builder.extract_element(arguments[0], ir.Constant(_int32, c)) for c in range(WIDTH)]
-            while len(lanes) > 1:
-                lanes = [combine(builder, a, b) for a, b in zip(lanes[::2], lanes[1::2])]
-            return lanes[0]
+@intrinsic
+def _above(typing_context, numbers, limit):
+    def code(context, builder, signature, arguments):
+        numbers, limit = arguments
+        beyond = builder.fcmp_ordered(">", numbers, _wide(builder, limit, _numbers))
+        return builder.zext(builder.bitcast(beyond, ir.IntType(WIDTH)), _int64)
 
-        return types.float64(numbers), code
-
-    return reduce
+    return types.int64(numbers, limit), code
 
 
-_largest = _reduced(lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b))
-_sum_of = _reduced(lambda builder, a, b: builder.fadd(a, b))
+@overload(above)
+def _compiled_above(numbers, limit):
+    return lambda numbers, limit: _above(numbers, limit)
 
 
-@overload(largest)
-def _compiled_largest(numbers):
-    return lambda numbers: _largest(numbers)
+@intrinsic
+def _all_have(typing_context, words, bits):
+    def code(context, builder, signature, arguments):
+        words, bits = arguments
+        asked = _wide(builder, bits, _words)
+        there = builder.icmp_unsigned("==", builder.and_(words, asked), asked)
+        lanes = builder.bitcast(there, ir.IntType(WIDTH))
+        return builder.icmp_unsigned("==", lanes, ir.Constant(ir.IntType(WIDTH), (1 << WIDTH) - 1))
+
+    return types.boolean(words, types.int64), code
+
+
+@overload(all_have)
+def _compiled_all_have(words, bits):
+    return lambda words, bits: _all_have(words, bits)
+
+
+@intrinsic
+def _sum_of(typing_context, numbers):
+    def code(context, builder, signature, arguments):
+        lanes = [builder.extract_element(arguments[0], ir.Constant(_int32, c)) for c in range(WIDTH)]
+        while len(lanes) > 1:
+            lanes = [builder.fadd(a, b) for a, b in zip(lanes[::2], lanes[1::2])]
+        return lanes[0]
+
+    return types.float64(numbers), code
 
 
 @overload(sum_of)

@@ -1,4 +1,4 @@
-"""Compiled loops over blocks: eight rows of the cubic lattice one after the other of which any bonds are missing or broken.
+"""Compiled loops over blocks: eight rows of the cubic lattice one after the other, of which any bonds may be missing or broken.
 
 The neighbours of a block in each direction are rows one after the other, too (see `particles.lattice.blocks`), and a bit of each row
 says which of them are there. So rows with gaps are a stencil like those of `particles.lattice.regular`, in vector code.
@@ -11,9 +11,12 @@ import math
 
 from numba import njit
 
-from particles.lattice.lanes import even, kept, largest, least, load, most, store, sum_of
+from particles.lattice.lanes import above, all_have, even, kept, least, load, most, store, sum_of
 from particles.lattice.state import BROKEN_BIT, INTACT_BIT, JOINED_BIT
 from particles.system import INLINE, KERNEL
+
+ALL_JOINED = (1 << 18) - 1 << JOINED_BIT
+NEARLY = 1.0 - 1e-9  # of a limit: what may be at it but for rounding
 
 
 @njit(**INLINE)
@@ -42,14 +45,19 @@ def _gradient(cluster, at, spacing, total, x, y, z):
 
 
 @njit(**KERNEL)
-def strain_masked(at, to, mask, cluster, spacing, u, e):
+def strain_masked(at, to, mask, clusters, whole, spacing, u, e):
     """Strain of a block by least squares over what is joined to each row:  H = sum (u_k - u_i) (X_k - m) A.
 
     Args:
         at: first row.
         to: (18,) how many rows on the neighbours lie.
+        clusters: (9, n) A and m of each row.
+        whole: (9, 8) the same of rows that all neighbours are joined to.
     """
     ux, uy, uz, words = u[0], u[1], u[2], load(mask, at)
+    cluster, of = clusters, at
+    if all_have(words, ALL_JOINED):
+        cluster, of = whole, 0
     x0, y0, z0, sx, sy, sz = _pair(ux, uy, uz, at, to, words, 0)
     x1, y1, z1, ax, ay, az = _pair(ux, uy, uz, at, to, words, 2)
     sx, sy, sz = sx + ax, sy + ay, sz + az
@@ -68,13 +76,13 @@ def strain_masked(at, to, mask, cluster, spacing, u, e):
     x8, y8, z8, ax, ay, az = _pair(ux, uy, uz, at, to, words, 16)
     sx, sy, sz = sx + ax, sy + ay, sz + az
     xx, xy, xz = _gradient(
-        cluster, at, spacing, sx, x0 + x3 + x4 + x5 + x6, x1 + x3 - x4 + x7 + x8, x2 + x5 - x6 + x7 - x8
+        cluster, of, spacing, sx, x0 + x3 + x4 + x5 + x6, x1 + x3 - x4 + x7 + x8, x2 + x5 - x6 + x7 - x8
     )
     yx, yy, yz = _gradient(
-        cluster, at, spacing, sy, y0 + y3 + y4 + y5 + y6, y1 + y3 - y4 + y7 + y8, y2 + y5 - y6 + y7 - y8
+        cluster, of, spacing, sy, y0 + y3 + y4 + y5 + y6, y1 + y3 - y4 + y7 + y8, y2 + y5 - y6 + y7 - y8
     )
     zx, zy, zz = _gradient(
-        cluster, at, spacing, sz, z0 + z3 + z4 + z5 + z6, z1 + z3 - z4 + z7 + z8, z2 + z5 - z6 + z7 - z8
+        cluster, of, spacing, sz, z0 + z3 + z4 + z5 + z6, z1 + z3 - z4 + z7 + z8, z2 + z5 - z6 + z7 - z8
     )
     store(e[0], at, xx)
     store(e[1], at, yy)
@@ -134,19 +142,28 @@ def _oblique(worst, limits, words, k, sign, turn, at, to, u, v, first, second, o
 
 
 @njit(**INLINE)
-def _both_axial(worst, limits, words, k, at, to, u, one, two):
-    """An opposite pair of axial bonds together."""
-    worst, n, a, b = _axial(worst, limits, words, k, 1.0, at, to, u, one, two)
-    worst, m, c, d = _axial(worst, limits, words, k + 1, -1.0, at, to, u, one, two)
-    return worst, n + m, a + c, b + d
+def _sums(springs, k, n, a, b, m, c, d):
+    """Normal and shear sums of an opposite pair of bonds (n, a, b) and (m, c, d), by their stiffnesses."""
+    one, two = springs[1, k], springs[1, k + 1]
+    return springs[0, k] * n + springs[0, k + 1] * m, one * a + two * c, one * b + two * d
 
 
 @njit(**INLINE)
-def _both_oblique(worst, limits, words, k, turn, at, to, u, v, first, second, one, two):
+def _both_axial(worst, limits, words, k, springs, at, to, u, one, two):
+    """An opposite pair of axial bonds together."""
+    worst, n, a, b = _axial(worst, limits, words, k, 1.0, at, to, u, one, two)
+    worst, m, c, d = _axial(worst, limits, words, k + 1, -1.0, at, to, u, one, two)
+    n, a, b = _sums(springs, k, n, a, b, m, c, d)
+    return worst, n, a, b
+
+
+@njit(**INLINE)
+def _both_oblique(worst, limits, words, k, springs, turn, at, to, u, v, first, second, one, two):
     """An opposite pair of oblique bonds together."""
     worst, n, a, b = _oblique(worst, limits, words, k, 1.0, turn, at, to, u, v, first, second, one, two)
     worst, m, c, d = _oblique(worst, limits, words, k + 1, -1.0, turn, at, to, u, v, first, second, one, two)
-    return worst, n + m, a + c, b + d
+    n, a, b = _sums(springs, k, n, a, b, m, c, d)
+    return worst, n, a, b
 
 
 @njit(**INLINE)
@@ -158,44 +175,40 @@ def _shares(limits, group, spacing):
 
 
 @njit(**KERNEL)
-def force_masked(at, to, mask, spacing, normal, shear, limits, kind, group, u, e, f):
+def force_masked(at, to, mask, spacing, springs, limits, group, u, e, f):
     """Force on a block by its own bonds, as `particles.lattice.general.force_special`.
 
     Args:
         at: first row.
         to: (18,) how many rows on the neighbours lie.
-        normal, shear: stiffnesses (materials,), N/m.
+        springs: (2, 18) stiffnesses of the bonds, see `particles.lattice.blocks.springs`.
         limits: None, or the smallest normal and shear deformation (groups, 2) at which bonds of the rows break, m.
-        kind, group: numbers of the material and of the group.
+        group: number of the group.
 
     Returns:
-        The largest share of their limits, normal or the square of the shear, that intact bonds have reached; without limits zero.
+        A bit for each row whose bonds have come to their limits, but for rounding; without limits none.
     """
     words, none = load(mask, at), even(0.0)
-    shares, kn = _shares(limits, group, spacing), normal[kind]
+    shares = _shares(limits, group, spacing)
     ux, uy, uz = u[0], u[1], u[2]
     xx, yy, zz, yz, xz, xy = e[0], e[1], e[2], e[3], e[4], e[5]
-    worst, n0, a0, b0 = _both_axial(none, shares, words, 0, at, to, ux, xy, xz)
-    worst, n1, a1, b1 = _both_axial(worst, shares, words, 2, at, to, uy, xy, yz)
-    worst, n2, a2, b2 = _both_axial(worst, shares, words, 4, at, to, uz, xz, yz)
-    worst, n3, a3, b3 = _both_oblique(worst, shares, words, 6, 1.0, at, to, ux, uy, xx, yy, xz, yz)
-    worst, n4, a4, b4 = _both_oblique(worst, shares, words, 8, -1.0, at, to, ux, uy, xx, yy, xz, yz)
-    worst, n5, a5, b5 = _both_oblique(worst, shares, words, 10, 1.0, at, to, ux, uz, xx, zz, xy, yz)
-    worst, n6, a6, b6 = _both_oblique(worst, shares, words, 12, -1.0, at, to, ux, uz, xx, zz, xy, yz)
-    worst, n7, a7, b7 = _both_oblique(worst, shares, words, 14, 1.0, at, to, uy, uz, yy, zz, xy, xz)
-    worst, n8, a8, b8 = _both_oblique(worst, shares, words, 16, -1.0, at, to, uy, uz, yy, zz, xy, xz)
-    by = 0.5 * shear[kind] * spacing
-    sx = a1 + a2 + b7 + b8 + 0.5 * (a3 + a4 + a5 + a6)
-    sy = a0 + b2 + b5 + b6 + 0.5 * (a4 - a3 + a7 + a8)
-    sz = b0 + b1 + b3 + b4 + 0.5 * (a6 - a5 + a8 - a7)
-    store(f[0], at, kn * (n0 + 0.5 * (n3 + n4 + n5 + n6)) + by * sx)
-    store(f[1], at, kn * (n1 + 0.5 * (n3 - n4 + n7 + n8)) + by * sy)
-    store(f[2], at, kn * (n2 + 0.5 * (n5 - n6 + n7 - n8)) + by * sz)
-    return largest(worst)
+    worst, n0, a0, b0 = _both_axial(none, shares, words, 0, springs, at, to, ux, xy, xz)
+    worst, n1, a1, b1 = _both_axial(worst, shares, words, 2, springs, at, to, uy, xy, yz)
+    worst, n2, a2, b2 = _both_axial(worst, shares, words, 4, springs, at, to, uz, xz, yz)
+    worst, n3, a3, b3 = _both_oblique(worst, shares, words, 6, springs, 1.0, at, to, ux, uy, xx, yy, xz, yz)
+    worst, n4, a4, b4 = _both_oblique(worst, shares, words, 8, springs, -1.0, at, to, ux, uy, xx, yy, xz, yz)
+    worst, n5, a5, b5 = _both_oblique(worst, shares, words, 10, springs, 1.0, at, to, ux, uz, xx, zz, xy, yz)
+    worst, n6, a6, b6 = _both_oblique(worst, shares, words, 12, springs, -1.0, at, to, ux, uz, xx, zz, xy, yz)
+    worst, n7, a7, b7 = _both_oblique(worst, shares, words, 14, springs, 1.0, at, to, uy, uz, yy, zz, xy, xz)
+    worst, n8, a8, b8 = _both_oblique(worst, shares, words, 16, springs, -1.0, at, to, uy, uz, yy, zz, xy, xz)
+    store(f[0], at, n0 + n3 + n4 + n5 + n6 + (a1 + a2 + b7 + b8 + 0.5 * (a3 + a4 + a5 + a6)))
+    store(f[1], at, n1 + n3 - n4 + n7 + n8 + (a0 + b2 + b5 + b6 + 0.5 * (a4 - a3 + a7 + a8)))
+    store(f[2], at, n2 + n5 - n6 + n7 - n8 + (b0 + b1 + b3 + b4 + 0.5 * (a6 - a5 + a8 - a7)))
+    return above(worst, NEARLY)
 
 
 @njit(**KERNEL)
-def energy_masked(at, to, mask, spacing, normal, shear, kind, u, e):
+def energy_masked(at, to, mask, spacing, springs, u, e):
     """Energy (J) of the bonds that a block leaves in even directions, arguments as for `force_masked`."""
     words, none = load(mask, at), even(0.0)
     ux, uy, uz = u[0], u[1], u[2]
@@ -209,8 +222,11 @@ def energy_masked(at, to, mask, spacing, normal, shear, kind, u, e):
     _, n6, a6, b6 = _oblique(none, None, words, 12, 1.0, -1.0, at, to, ux, uz, xx, zz, xy, yz)
     _, n7, a7, b7 = _oblique(none, None, words, 14, 1.0, 1.0, at, to, uy, uz, yy, zz, xy, xz)
     _, n8, a8, b8 = _oblique(none, None, words, 16, 1.0, -1.0, at, to, uy, uz, yy, zz, xy, xz)
-    stretched = n0 * n0 + n1 * n1 + n2 * n2 + 0.5 * (n3 * n3 + n4 * n4 + n5 * n5 + n6 * n6 + n7 * n7 + n8 * n8)
-    sheared = a0 * a0 + b0 * b0 + a1 * a1 + b1 * b1 + a2 * a2 + b2 * b2
-    sheared = sheared + 0.5 * (a3 * a3 + a4 * a4 + a5 * a5 + a6 * a6 + a7 * a7 + a8 * a8)
-    sheared = sheared + b3 * b3 + b4 * b4 + b5 * b5 + b6 * b6 + b7 * b7 + b8 * b8
-    return sum_of(0.5 * normal[kind] * stretched + 0.125 * shear[kind] * spacing * spacing * sheared)
+    normal, shear = springs[0], springs[1]
+    stretched = normal[0] * (n0 * n0) + normal[2] * (n1 * n1) + normal[4] * (n2 * n2) + normal[6] * (n3 * n3) + normal[8] * (n4 * n4)
+    stretched = stretched + normal[10] * (n5 * n5) + normal[12] * (n6 * n6) + normal[14] * (n7 * n7) + normal[16] * (n8 * n8)
+    sheared = shear[0] * (a0 * a0 + b0 * b0) + shear[2] * (a1 * a1 + b1 * b1) + shear[4] * (a2 * a2 + b2 * b2)
+    sheared = sheared + shear[6] * (0.5 * (a3 * a3) + b3 * b3) + shear[8] * (0.5 * (a4 * a4) + b4 * b4)
+    sheared = sheared + shear[10] * (0.5 * (a5 * a5) + b5 * b5) + shear[12] * (0.5 * (a6 * a6) + b6 * b6)
+    sheared = sheared + shear[14] * (0.5 * (a7 * a7) + b7 * b7) + shear[16] * (0.5 * (a8 * a8) + b8 * b8)
+    return sum_of(0.5 * stretched + 0.25 * spacing * sheared)

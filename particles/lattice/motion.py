@@ -14,10 +14,18 @@ import math
 from numba import njit
 
 from particles.lattice.breaking import break_all, failing, forces_anew, touched
-from particles.lattice.general import bond_energy, force_special, moment_of, spread_moment, strain_special
+from particles.lattice.general import (
+    ALL,
+    add_force,
+    add_stray_strain,
+    energy_of_row,
+    moment_of,
+    spread_moment,
+    strain_special,
+)
 from particles.lattice.lanes import WIDTH
 from particles.lattice.masked import energy_masked, force_masked, strain_masked
-from particles.lattice.regular import force_cubic, force_hexagonal, strain_cubic, strain_hexagonal
+from particles.lattice.regular import force_hexagonal, strain_hexagonal
 from particles.lattice.state import (
     ABSORBED,
     AWAKE,
@@ -44,16 +52,17 @@ STEADY_STEPS = {**STEPS, "fastmath": STEADY}
 def strains(state, terms, plane):
     """Strains of all rows that need one."""
     u, e = state.displacement, state.strain
-    for q in range(state.counts[STRAIN_RUNS]):
-        first, count = state.strain_runs[q, 0], state.strain_runs[q, 1]
-        if plane is None:
-            strain_cubic(first, count, state.near[first], terms.spacing, u[0], u[1], u[2], e[0], e[1], e[2], e[3], e[4], e[5])
-        else:
+    if plane is not None:
+        for q in range(state.counts[STRAIN_RUNS]):
+            first, count = state.strain_runs[q, 0], state.strain_runs[q, 1]
             strain_hexagonal(first, count, state.near[first], terms.spacing, u[0], u[1], e[0], e[1], e[5])
-    if plane is None:
+    else:
         for q in range(state.counts[STRAIN_BLOCKS]):
             first, number = state.strain_blocks[q, 0], state.strain_blocks[q, 1]
-            strain_masked(first, state.onward[number], state.mask, state.cluster, terms.spacing, u, e)
+            strain_masked(first, state.onward[number], state.mask, state.cluster, terms.whole, terms.spacing, u, e)
+        for i in state.strays:
+            if state.strain_kind[i]:
+                add_stray_strain(state, terms, i)
     for q in range(state.counts[STRAIN_SPECIAL]):
         strain_special(state, terms, state.rotation, state.strain_special[q])
 
@@ -65,30 +74,27 @@ def bond_forces(state, terms, moment, plane, smallest):
     if moment is not None:
         variational_forces(state, terms, moment)
         return
-    for q in range(state.counts[FORCE_RUNS]):
-        first, count = state.force_runs[q, 0], state.force_runs[q, 1]
-        kind = state.material[first]
-        if plane is None:
-            force_cubic(
-                first, count, state.near[first], terms.spacing, terms.normal[kind], terms.shear[kind], u[0], u[1], u[2],
-                e[0], e[1], e[2], e[3], e[4], e[5], f[0], f[1], f[2],
-            )  # fmt: skip
-        else:
+    if plane is not None:
+        for q in range(state.counts[FORCE_RUNS]):
+            first, count = state.force_runs[q, 0], state.force_runs[q, 1]
+            kind = state.material[first]
             force_hexagonal(
                 first, count, state.near[first], terms.spacing, terms.normal[kind], terms.shear[kind], u[0], u[1],
                 e[0], e[1], e[5], f[0], f[1],
             )  # fmt: skip
-    if plane is None:
+    else:
         for q in range(state.counts[FORCE_BLOCKS]):
             first, number = state.force_blocks[q, 0], state.force_blocks[q, 1]
             state.reached[q] = force_masked(
-                first, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, smallest, state.material[first],
-                state.group[first], u, e, f,
-            )  # fmt: skip
+                first, state.onward[number], state.mask, terms.spacing, state.springs[number], smallest, state.group[first], u, e, f
+            )
+        for i in state.strays:
+            if state.force_kind[i]:
+                add_force(state, terms, moment, state.rotation, i, state.stray[i])
     for q in range(state.counts[FORCE_SPECIAL]):
         i = state.force_special[q]
         f[0, i] = f[1, i] = f[2, i] = 0.0
-        force_special(state, terms, moment, state.rotation, i)
+        add_force(state, terms, moment, state.rotation, i, ALL)
 
 
 @njit(**KERNEL)
@@ -99,7 +105,7 @@ def variational_forces(state, terms, moment):
         f[0, i] = f[1, i] = f[2, i] = 0.0
     for q in range(state.counts[FORCE_SPECIAL]):
         i = state.force_special[q]
-        force_special(state, terms, moment, state.rotation, i)
+        add_force(state, terms, moment, state.rotation, i, ALL)
         moment_of(state, terms, moment, i)
     for q in range(state.counts[FORCE_SPECIAL]):
         spread_moment(state, terms, moment, state.force_special[q])
@@ -197,13 +203,13 @@ def forces(state, terms, h, booked):
     """
     strains(state, terms, terms.plane)
     bond_forces(state, terms, state.moment, terms.plane, terms.smallest)
-    _audit(state, terms, 0.5 * h, booked)
+    audit(state, terms, 0.5 * h, booked)
     lost = _break(state, terms, state.moment, terms.limits, 0.5 * booked * h)
     _keep(state, lost)
 
 
 @njit(**KERNEL)
-def _audit(state, terms, half, booked):
+def audit(state, terms, half, booked):
     """Book what the bonds have done since the last evaluation, (F before + F) u / 2, beyond the loss of their energy; keep that of now."""
     if state.acting.size == 0:
         return
@@ -219,7 +225,7 @@ def _audit(state, terms, half, booked):
 
 @njit(**KERNEL)
 def _keep(state, lost):
-    """Keep the forces of the bonds for the next `_audit`, and their energy less what those have lost that broke (J)."""
+    """Keep the forces of the bonds for the next `audit`, and their energy less what those have lost that broke (J)."""
     if state.acting.size == 0:
         return
     state.stored[0] -= lost
@@ -242,7 +248,7 @@ def _break(state, terms, moment, limits, by):
     state.sums[BREAKING] += lost
     state.sums[BROKEN_BONDS] += len(broken)
     if moment is None:
-        state.sums[BREAKING] += by * forces_anew(state, terms, terms.smallest, around)
+        state.sums[BREAKING] += by * forces_anew(state, terms, around)
     else:
         before = state.force.copy()
         variational_forces(state, terms, moment)
@@ -297,15 +303,13 @@ def elastic_energy(state, terms):
         while i < last:
             number = state.stretch_of[i]
             if number >= 0 and i + WIDTH <= state.stretch[number, 1]:
-                total += energy_masked(
-                    i, state.onward[number], state.mask, terms.spacing, terms.normal, terms.shear, state.material[i],
-                    state.displacement, state.strain,
-                )  # fmt: skip
+                total += energy_masked(i, state.onward[number], state.mask, terms.spacing, state.springs[number], state.displacement, state.strain)
                 i += WIDTH
                 continue
-            for k in range(0, state.near.shape[1], 2):
-                total += bond_energy(state, terms, i, k)
+            total += energy_of_row(state, terms, i, ALL & ~state.stray[i])
             i += 1
+    for i in state.strays:
+        total += energy_of_row(state, terms, i, state.stray[i])
     return total
 
 

@@ -17,9 +17,10 @@ from particles.crew import Crew
 from particles.dispatch import Direct
 from particles.lattice import breaking, motion
 from particles.lattice.arrangement import arrange, needed, without_forces
+from particles.lattice.geometry import slow_first
 from particles.lattice.state import BREAKING, BROKEN_BONDS, SPECIAL, SUMS, Drive, State, Terms
 
-IRREGULAR = 8  # work of a row in neither run nor block, in rows of one
+IRREGULAR = 16  # work of a row in neither run nor block, in rows of one
 MOTION = ("displacement", "velocity", "force", "strain")  # arrays that rank 0 takes over, the last where it is asked for
 SECONDS = ("stepping", "exchange", "agreement")
 _kick, _feel, _act = Direct(motion.kick_points), Direct(motion.feel), Direct(motion.act_on)
@@ -47,16 +48,15 @@ def owners(state: State, free: np.ndarray, along: np.ndarray, ranks: int) -> np.
 def cut_axis(places: np.ndarray, free: np.ndarray, ranks: int) -> int:
     """The axis across which slabs are cut: the one along which rows lie farthest apart in memory, if there are planes enough.
 
-    Rows of a rank, and those that it lends, are then one after the other; across the longest axis cuts would be smaller, but go
-    through every run of rows.
+    Rows of a rank, and those that it lends, are then one after the other, but for the two parts of `geometry.order`; across the
+    longest axis cuts would be smaller, but go through every stretch of rows.
 
     Args:
         places: (n, 3) of whole numbers.
         free: (n,) bool.
     """
     wide = np.ptp(places[free], axis=0) + 1 if free.any() else np.ones(3, dtype=np.int64)
-    slow_first = np.argsort(np.ptp(places, axis=0), kind="stable")
-    return next((int(axis) for axis in slow_first if wide[axis] >= PLANES * ranks), int(wide.argmax()))
+    return next((int(axis) for axis in slow_first(places) if wide[axis] >= PLANES * ranks), int(wide.argmax()))
 
 
 def _consecutive(rows: np.ndarray) -> Any:

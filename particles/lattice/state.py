@@ -6,19 +6,21 @@ from typing import Any, NamedTuple
 
 # Bits of `State.bonds`: in the clusters of the least squares, with a force of its own, broken (compression only)
 JOINED, EXPLICIT, BROKEN = 1, 2, 4
-# Values of `State.strain_kind` and `State.force_kind`
+# Values of `State.strain_kind` and `State.force_kind`: REGULAR are rows of the hexagonal lattice alone
 NONE, REGULAR, SPECIAL = 0, 1, 2
 # First bits of `State.mask`, each followed by those of further directions: of bonds in the clusters; with a force, intact and broken
 JOINED_BIT, INTACT_BIT, BROKEN_BIT = 0, 18, 36
 # Lists of rows: entries of `State.counts`
 STRAIN_RUNS, STRAIN_BLOCKS, STRAIN_SPECIAL, FORCE_RUNS, FORCE_BLOCKS, FORCE_SPECIAL, MOVING_RUNS, AWAKE = range(8)
+# A limit of bonds that do not break, m
+UNLIMITED = 1e100
 # Entries of `State.sums` (J), the last a number of bonds
 EXTERNAL, HELD, ABSORBED, DAMPING, BREAKING, EXCESS, BROKEN_BONDS = range(7)
 SUMS = 7
 
 
 class State(NamedTuple):
-    """Rows are sorted along the longest axis; `near` and `bonds` have a column for each direction of the lattice."""
+    """Rows are sorted by `geometry.order`; `near` and `bonds` have a column for each direction of the lattice."""
 
     displacement: Any  # (3, n), m
     velocity: Any  # (3, n), m/s; of the middle of the step while it runs
@@ -43,6 +45,9 @@ class State(NamedTuple):
     stretch_of: Any  # (n,) int32: stretch that a row is in, -1 for none (see `particles.lattice.blocks`)
     stretch: Any  # (stretches, 2) int32: first row, and the one after the last
     onward: Any  # (stretches, directions) int32: how many rows on the neighbours lie
+    stray: Any  # (n,) int32: a bit for each neighbour that lies elsewhere than those of the stretch
+    strays: Any  # (k,) int64: rows that have any
+    springs: Any  # (stretches, 2, directions): stiffnesses of their bonds (see `particles.lattice.blocks.springs`)
     strain_runs: Any  # (n, 2) int32: first row and number of rows
     strain_blocks: Any  # (room, 2) int64: first row and stretch
     strain_special: Any  # (n,) int64: special rows in no block
@@ -51,7 +56,7 @@ class State(NamedTuple):
     force_special: Any  # (n,) int64
     moving_runs: Any  # (n, 2) int32
     awake: Any  # (n, 2) int64: first row and the one after the last, of all that have strains or forces
-    reached: Any  # (room,): largest share of their limits that bonds of each force block had reached at the last evaluation
+    reached: Any  # (room,) uint8: a bit for each row of a force block whose bonds had come to their limits at the last evaluation
     counts: Any  # (8,) int64: how many of them there are
     sums: Any  # (SUMS,)
 
@@ -61,10 +66,12 @@ class Terms(NamedTuple):
 
     spacing: float
     vectors: Any  # (directions, 3) reference bond vectors, m
+    units: Any  # (directions, 3) their directions
     normal: Any  # (materials,) N/m
     shear: Any  # (materials,) N/m
     limits: Any  # None or (materials, 2): normal and shear deformation at which bonds break, m
     smallest: Any  # None or (groups, 2): the smallest of them of a row of the group and its neighbours, m
+    whole: Any  # (9, 8) `State.cluster` of eight rows of the cubic lattice that all neighbours are joined to
     plane: Any  # None (18 neighbours) or 1 (hexagonal)
     damping: Any  # None or alpha, against each component of velocity
 

@@ -85,7 +85,8 @@ def test_a_restored_lattice_goes_on_to_the_same_bits():
     """Bonds break before: shared out anew, by the work that is left, three ranks would have other rows and sum energies in another order."""
 
     def script():
-        body, again = bar(), bar()
+        body, again = plane(), plane()
+        body.velocity = 20.0 * body.reference * (1.0, 0.5)
         body.advance(40)
         restore(again, {name: np.array(values) for name, values in state_of(body).items()})
         broken = body.energies()["broken_bonds"]

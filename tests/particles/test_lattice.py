@@ -9,7 +9,7 @@ from meshes import Box, packings
 from particles import Unstable
 from particles.lattice import Lattice, LatticeMaterial, geometry
 from particles.lattice.part import cut_all, touched
-from particles.lattice.state import STRAIN_BLOCKS
+from particles.lattice.state import JOINED, STRAIN_BLOCKS
 
 ROCK = LatticeMaterial(12.5e9, 0.2, 2650.0)
 PHASES = np.linspace(-np.pi, np.pi, 9)
@@ -330,21 +330,67 @@ def test_excess_work_is_that_of_the_forces_which_are_no_gradient():
     assert abs(energy["balance"]) < 1e-12 * energy["kinetic"]
 
 
+@pytest.mark.parametrize("axes", [2, 3])
+def test_clusters_of_any_neighbours_have_the_pseudo_inverse_of_their_moments(axes):
+    """All that are left of the neighbours in any way: in space, in a plane, in a line, none; against singular values."""
+    rng, ranks = np.random.default_rng(3), set()
+    lattice = block((8, 8, 9)) if axes == 3 else Lattice(packings.hexagonal(Box((0, 0), (20, 20)), 0.5), 1.0, ROCK)
+    state = lattice._state
+    share = 1.0 - rng.random(lattice.count) ** 2  # of its bonds that a row loses
+    cut = np.argwhere((state.near[:, ::2] >= 0) & (rng.random(state.near[:, ::2].shape) < share[:, None])) * (1, 2)
+    cut_all(state, lattice._terms, cut, touched(state, cut)[0])
+    for row in range(lattice.count):
+        arms = np.vstack((np.zeros(3), lattice._terms.vectors[(state.bonds[row] & JOINED) > 0]))
+        mean = arms.mean(axis=0)
+        moments = (arms - mean).T @ (arms - mean)
+        wanted = np.linalg.pinv(moments, rcond=1e-9, hermitian=True)
+        xx, yy, zz, yz, xz, xy = state.cluster[:6, row]
+        assert np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) == pytest.approx(wanted, rel=1e-10, abs=1e-10 * np.abs(wanted).max())
+        assert state.cluster[6:, row] == pytest.approx(mean, abs=1e-12)
+        ranks.add(int(np.linalg.matrix_rank(moments, tol=1e-9)))
+    assert ranks == set(range(axes + 1))
+
+
+def test_rows_that_lie_together_in_memory_move_as_others_do():
+    """A hole, two rocks and one that does not break: sites asked for first come first, and what happens is the same."""
+    region = Box((0, 0, 0), (14, 9, 30)) - Box((4, 3, 8), (8, 6, 20))
+    sites = packings.simple_cubic(region, 0.5)
+    weak = LatticeMaterial(8e9, 0.2, 2650.0, 2e-5, 4e-5)
+    bodies = []
+    for first in (None, Box((2, 2, 4), (11, 7, 23)), lambda x: x[:, 2] > 15):
+        body = Lattice(sites, 1.0, [ROCK, weak], layer=lambda x: x[:, 2] > 12, first=first)
+        back = np.argsort(body.order)
+        body.velocity = 0.1 * np.sin(0.4 * body.reference[:, [2, 0, 1]])
+        body.advance(60)
+        bodies.append((body.displacement[back], body.energies(), body.broken()[back]))
+        if isinstance(first, Box):
+            assert first.contains(body.reference[:1000]).mean() > 0.5 and not first.contains(body.reference[-1000:]).any()
+    for moved, energy, broken in bodies[1:]:
+        assert np.abs(moved - bodies[0][0]).max() < 1e-10 * np.abs(moved).max() and broken.sum() > 200
+        assert np.array_equal(broken, bodies[0][2])
+        assert energy == pytest.approx(bodies[0][1], rel=1e-9, abs=1e-9 * energy["kinetic"])
+
+
 @pytest.mark.filterwarnings("ignore:poisson_ratio")
 @pytest.mark.parametrize("poisson_ratio", [0.2, 0.3])
 def test_rows_in_blocks_are_those_one_by_one(poisson_ratio):
-    """Three blocks of two materials round a hole, a third of their bonds broken: strains, forces and energy by the loops over blocks
-    against those over single rows, and which bonds are looked at when limits are near."""
+    """Rocks of two stiffnesses, one of them with a part that does not break and lies elsewhere in memory, round a hole, a third of their
+    bonds broken: strains, forces and energy by the loops over blocks against those over single rows, and which bonds are looked at
+    when limits are near."""
     region = Box((0, 0, 0), (21, 7, 5)) - Box((8, 2, -1), (13, 4, 6))
     sites = packings.simple_cubic(region, 0.5)
     rocks = [LatticeMaterial(12.5e9, poisson_ratio, 2650.0, 1e-3, 2e-3), LatticeMaterial(3e9, 0.1, 2000.0, 2e-3, 1e-3)]
+    rocks.append(LatticeMaterial(12.5e9, poisson_ratio, 2650.0))
     rng = np.random.default_rng(9)
     found = {}
     for way in ("blocks", "rows"):
-        lattice = Lattice(sites, 1.0, rocks, layer=lambda x: x[:, 0] > 17.1, periodic="z")
+        lattice = Lattice(sites, 1.0, rocks, layer=lambda x: (x[:, 0] > 17.1) + 2 * (x[:, 0] < 12.1) * (x[:, 1] > 4.1), periodic="z")
         state = lattice._state
+        assert len(state.strays) > 20
         if way == "rows":
-            state.stretch_of[:] = -1
+            state.stretch_of[:], state.stray[:] = -1, 0
+            state = lattice._state = state._replace(strays=state.strays[:0])
+            lattice.refresh(lattice.free, lattice.carried)
         cut = np.argwhere((state.near[:, ::2] >= 0) & (rng.random((lattice.count, 9)) < 0.3)) * (1, 2)
         found.setdefault("cut", cut)
         cut_all(state, lattice._terms, found["cut"], touched(state, found["cut"])[0])
