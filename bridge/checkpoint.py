@@ -24,7 +24,7 @@ from mpi4py import MPI
 from bridge.run import on_root
 
 NAME = "checkpoint.h5"  # in the folder of a run
-FORMAT, VERSION = "grainbridge checkpoint", 2
+FORMAT, VERSION = "grainbridge checkpoint", 3
 
 State = dict[str, Any]
 

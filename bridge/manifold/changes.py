@@ -35,7 +35,7 @@ def booked(body: Manifold, name: str) -> Iterator[None]:
 
 
 class Change:
-    """What changes where elements are left to particles, or taken from them.
+    """What changes where elements are left to particles, or taken from them: `changed` are all whose kind becomes another one.
 
     Args:
         body: the body, before it.
@@ -43,7 +43,7 @@ class Change:
     """
 
     def __init__(self, body: Manifold, elements: np.ndarray) -> None:
-        self._body, self.elements = body, elements
+        self._body, self.elements, self.changed = body, elements, elements
         self.sites = body.grid.sites_of(elements)
         self.rows = self._with_neighbours(self.sites)  # whose bonds change
         self.around = self._with_neighbours(self.rows)
@@ -56,12 +56,12 @@ class Change:
         found[beside[beside >= 0]] = True
         return np.flatnonzero(found)
 
-    def carry_out(self, changed: np.ndarray) -> None:
-        """Arrange everything by the kinds of elements as they are now; `changed` (c,) are all whose kind is another one than before."""
+    def carry_out(self) -> None:
+        """Arrange everything by the kinds of elements as they are now."""
         body, lattice = self._body, self._body.lattice
         lattice.free[self.sites] = (body.kind == PARTICLES)[body.grid.element[self.sites]]
         lattice.refresh(lattice.free, ~lattice.free, self.rows)
-        body._arrange(np.union1d(changed, body.grid.around(self.elements)), self.around)
+        body._arrange(np.union1d(self.changed, body.grid.around(self.elements)), self.around)
 
 
 def _kick(points: Any, driving: Driving, rows: np.ndarray, by: float) -> tuple[float, float]:
@@ -73,7 +73,7 @@ def _kick(points: Any, driving: Driving, rows: np.ndarray, by: float) -> tuple[f
 
 
 class Release(Change):
-    """Elements that become particles, and what changes with them.
+    """Elements that become particles, and those near that become manifold elements.
 
     Args:
         body: the body, before it.
@@ -86,14 +86,14 @@ class Release(Change):
         kind[elements] = PARTICLES
         self.changed = np.concatenate((elements, body._surround(kind, elements)))
 
-    def carry_out(self, changed: np.ndarray) -> None:
+    def carry_out(self) -> None:
         """Hand the motion over, and arrange everything."""
         body, state = self._body, self._body.lattice._state
         nodes, shape = body.grid.nodes[body.grid.element[self.sites]], body._shape[body.grid.slot[self.sites]]
         for own, nodal in ((state.displacement, body._nodes.displacement), (state.velocity, body._nodes.velocity)):
             own[:, self.sites] = np.einsum("sc,asc->as", shape, nodal[:, nodes])
         body._add_mass(self.elements, -1.0)
-        super().carry_out(changed)
+        super().carry_out()
 
     @contextmanager
     def booked(self) -> Iterator[None]:
@@ -162,7 +162,7 @@ def release(body: Manifold, elements: np.ndarray, inside: bool) -> None:
         body.prepare()
     change = Release(body, elements)
     with change.booked() if inside else booked(body, "release"):
-        change.carry_out(change.changed)
+        change.carry_out()
         if inside:
             body._arrange_driving()
     body.first_released = body.first_released if body.released else elements

@@ -198,7 +198,8 @@ class Recoarsener:
             body.kind[elements] = MANIFOLD
             for own in (body.lattice._state.velocity, body.lattice._state.force):
                 own[:, sites] = 0.0  # they are the nodes' from now on
-            change.carry_out(np.concatenate((elements, self._coarsen())))
+            change.changed = np.concatenate((elements, self._coarsen()))
+            change.carry_out()
             self.since[elements] = np.inf
             self.returned += len(elements)
         return elements

@@ -10,7 +10,7 @@ from numba import njit
 from particles.lattice.general import ALL, elongation_of, set_clusters, shear_of, strain_special
 from particles.lattice.lanes import WIDTH
 from particles.lattice.lists import list_kinds
-from particles.lattice.masked import NEARLY
+from particles.lattice.masked import NEARLY, reached_masked
 from particles.lattice.regular import worst_hexagonal
 from particles.lattice.some import energy_of, forces_of, power_of
 from particles.lattice.state import (
@@ -36,11 +36,14 @@ def fails(state, terms, limits, i, k):
         return False
     j = state.near[i, k]
     a, b = state.material[i], state.material[j]
+    normal, shear = min(limits[a, 0], limits[b, 0]), min(limits[a, 1], limits[b, 1])
+    if normal >= UNLIMITED and shear >= UNLIMITED:
+        return False
     stretch, _, _, _ = elongation_of(state, terms, state.rotation, i, j, k)
-    if stretch > min(limits[a, 0], limits[b, 0]):
+    if stretch > normal:
         return True
     sx, sy, sz = shear_of(state, terms, i, j, k)
-    return math.sqrt(sx * sx + sy * sy + sz * sz) > min(limits[a, 1], limits[b, 1])
+    return math.sqrt(sx * sx + sy * sy + sz * sz) > shear
 
 
 @njit(**KERNEL)
@@ -93,6 +96,29 @@ def _noted(room, found, i, ways):
 
 
 @njit(**OUTER)
+def _failing_in_blocks(state, terms, plane, limits, moving, room, found):
+    """Add what fails in blocks, which the hexagonal lattice has none of."""
+    if plane is not None:
+        return room, found
+    candidates = np.empty(WIDTH, dtype=np.int64)
+    for q in range(state.counts[FORCE_BLOCKS]):
+        if state.reached[q]:
+            first, number = state.force_blocks[q, 0], state.force_blocks[q, 1]
+            asked = state.force_blocks[q - 1, 0] + WIDTH if q > 0 else 0  # blocks may have rows in common
+            reached_masked(
+                first, state.onward[number], state.mask, terms.spacing, terms.smallest, state.group[first], state.displacement,
+                state.strain, candidates,
+            )  # fmt: skip
+            for i in range(max(first, asked), first + WIDTH):
+                ways = 0
+                if candidates[i - first] and state.force_kind[i] == SPECIAL:
+                    ways = _failing_ways(state, terms, limits, moving, i, candidates[i - first])
+                if ways:
+                    room, found = _noted(room, found, i, ways)
+    return room, found
+
+
+@njit(**OUTER)
 def failing(state, terms, limits, moving):
     """Bonds (k, 2) that fail now, as row and direction, each asked at the end that it leaves in an even direction.
 
@@ -110,17 +136,7 @@ def failing(state, terms, limits, moving):
             ways = _failing_ways(state, terms, limits, moving, i, ALL)
             if ways:
                 room, found = _noted(room, found, i, ways)
-    for q in range(state.counts[FORCE_BLOCKS]):
-        reached = state.reached[q]
-        if reached:
-            first = state.force_blocks[q, 0]
-            asked = state.force_blocks[q - 1, 0] + WIDTH if q > 0 else 0  # blocks may have rows in common
-            for i in range(max(first, asked), first + WIDTH):
-                ways = 0
-                if reached >> (i - first) & 1 and state.force_kind[i] == SPECIAL:
-                    ways = _failing_ways(state, terms, limits, moving, i, ~state.stray[i])
-                if ways:
-                    room, found = _noted(room, found, i, ways)
+    room, found = _failing_in_blocks(state, terms, terms.plane, limits, moving, room, found)
     for q in range(state.counts[FORCE_SPECIAL]):
         i, ways = state.force_special[q], 0
         if not _never_fails(state, terms.smallest, i):
@@ -148,8 +164,11 @@ def touched(state, broken):
     seen = np.zeros(len(state.mask), dtype=np.uint8)
     for b in range(len(broken)):
         i, k = broken[b, 0], broken[b, 1]
-        _see(state, seen, i)
-        _see(state, seen, state.near[i, k])
+        _see_around(state, seen, i)
+        _see_around(state, seen, state.near[i, k])
+    for b in range(len(broken)):
+        i, k = broken[b, 0], broken[b, 1]
+        seen[i] = seen[state.near[i, k]] = 2
     around = np.empty(2 * len(broken) * (1 + state.near.shape[1]), dtype=np.int64)
     ends = np.empty(2 * len(broken), dtype=np.int64)
     number = last = 0
@@ -165,12 +184,11 @@ def touched(state, broken):
 
 
 @njit(**KERNEL)
-def _see(state, seen, i):
-    """Mark a row by 2, and its neighbours by 1."""
-    seen[i] = 2
+def _see_around(state, seen, i):
+    """Mark the neighbours of a row."""
     for k in range(state.near.shape[1]):
         if state.near[i, k] >= 0:
-            seen[state.near[i, k]] = max(seen[state.near[i, k]], 1)
+            seen[state.near[i, k]] = 1
 
 
 @njit(**OUTER)

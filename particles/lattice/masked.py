@@ -11,7 +11,7 @@ import math
 
 from numba import njit
 
-from particles.lattice.lanes import above, all_have, even, kept, least, load, most, store, sum_of
+from particles.lattice.lanes import WIDTH, above, all_have, even, kept, least, load, most, store, sum_of
 from particles.lattice.state import BROKEN_BIT, INTACT_BIT, JOINED_BIT
 from particles.system import INLINE, KERNEL
 
@@ -205,6 +205,36 @@ def force_masked(at, to, mask, spacing, springs, limits, group, u, e, f):
     store(f[1], at, n1 + n3 - n4 + n7 + n8 + (a0 + b2 + b5 + b6 + 0.5 * (a4 - a3 + a7 + a8)))
     store(f[2], at, n2 + n5 - n6 + n7 - n8 + (b0 + b1 + b3 + b4 + 0.5 * (a6 - a5 + a8 - a7)))
     return above(worst, NEARLY)
+
+
+@njit(**KERNEL)
+def reached_masked(at, to, mask, spacing, limits, group, u, e, found):
+    """Which even directions the bonds lie in that have come to their limits, but for rounding; arguments as for `force_masked`.
+
+    Args:
+        found: (8,) int64, written: a bit for each direction.
+    """
+    words, none = load(mask, at), even(0.0)
+    shares = _shares(limits, group, spacing)
+    ux, uy, uz = u[0], u[1], u[2]
+    xx, yy, zz, yz, xz, xy = e[0], e[1], e[2], e[3], e[4], e[5]
+    w0, _, _, _ = _axial(none, shares, words, 0, 1.0, at, to, ux, xy, xz)
+    w1, _, _, _ = _axial(none, shares, words, 2, 1.0, at, to, uy, xy, yz)
+    w2, _, _, _ = _axial(none, shares, words, 4, 1.0, at, to, uz, xz, yz)
+    w3, _, _, _ = _oblique(none, shares, words, 6, 1.0, 1.0, at, to, ux, uy, xx, yy, xz, yz)
+    w4, _, _, _ = _oblique(none, shares, words, 8, 1.0, -1.0, at, to, ux, uy, xx, yy, xz, yz)
+    w5, _, _, _ = _oblique(none, shares, words, 10, 1.0, 1.0, at, to, ux, uz, xx, zz, xy, yz)
+    w6, _, _, _ = _oblique(none, shares, words, 12, 1.0, -1.0, at, to, ux, uz, xx, zz, xy, yz)
+    w7, _, _, _ = _oblique(none, shares, words, 14, 1.0, 1.0, at, to, uy, uz, yy, zz, xy, xz)
+    w8, _, _, _ = _oblique(none, shares, words, 16, 1.0, -1.0, at, to, uy, uz, yy, zz, xy, xz)
+    for lane in range(WIDTH):
+        found[lane] = 0
+    k = 0
+    for worst in (w0, w1, w2, w3, w4, w5, w6, w7, w8):
+        rows = above(worst, NEARLY)
+        for lane in range(WIDTH):
+            found[lane] |= (rows >> lane & 1) << k
+        k += 2
 
 
 @njit(**KERNEL)
