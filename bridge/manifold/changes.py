@@ -99,8 +99,8 @@ class Release(Change):
     def booked(self) -> Iterator[None]:
         """In the middle of a step: velocities go on to its end by the forces before the release, and back by those after it.
 
-        Without that particles would have the whole of their first step what forces of their own do to velocities that elements had, where
-        half of it is due: the shortest waves would have up to 1.7 times the amplitude. Energies as in `bridge.manifold.account`.
+        So it is a release between two steps, to rounding. Without that particles would have a whole step of the kick by their own forces
+        where half of it is due: the shortest waves would have up to 1.7 times the amplitude. Energies as in `bridge.manifold.account`.
         """
         body, lattice, half = self._body, self._body.lattice, 0.5 * self._body.step
         audited, nodes, state = lattice._state.acting.size > 0, self._body._nodes, self._body.lattice._state
