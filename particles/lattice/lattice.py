@@ -88,7 +88,7 @@ class Lattice:
         self.periodic = tuple(axis in periodic for axis in "xyz")
         found = geometry.places(sites, spacing)
         layers, near = self._layers(layer, sites), geometry.neighbours(found, geometry.directions(self.axes), self.periodic)
-        together = np.isfinite([one.limits for one in self.materials]).any(axis=1)[layers]
+        together = np.array([np.isfinite(one.limits).any() for one in self.materials])[layers]
         if first is not None:
             together = np.isin(np.arange(len(sites)), rows_of(first, sites))
         later = ~(together | np.any(together[near] & (near >= 0), axis=1))
