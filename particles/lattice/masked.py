@@ -207,6 +207,25 @@ def force_masked(at, to, mask, spacing, springs, limits, group, u, e, f):
     return above(worst, NEARLY)
 
 
+@njit(**INLINE)
+def _even_bonds(limits, words, at, to, u, e):
+    """Largest share of its limits, elongation and strain sums of the bonds in each even direction, as `_axial` and `_oblique` give them."""
+    none = even(0.0)
+    ux, uy, uz = u[0], u[1], u[2]
+    xx, yy, zz, yz, xz, xy = e[0], e[1], e[2], e[3], e[4], e[5]
+    return (
+        _axial(none, limits, words, 0, 1.0, at, to, ux, xy, xz),
+        _axial(none, limits, words, 2, 1.0, at, to, uy, xy, yz),
+        _axial(none, limits, words, 4, 1.0, at, to, uz, xz, yz),
+        _oblique(none, limits, words, 6, 1.0, 1.0, at, to, ux, uy, xx, yy, xz, yz),
+        _oblique(none, limits, words, 8, 1.0, -1.0, at, to, ux, uy, xx, yy, xz, yz),
+        _oblique(none, limits, words, 10, 1.0, 1.0, at, to, ux, uz, xx, zz, xy, yz),
+        _oblique(none, limits, words, 12, 1.0, -1.0, at, to, ux, uz, xx, zz, xy, yz),
+        _oblique(none, limits, words, 14, 1.0, 1.0, at, to, uy, uz, yy, zz, xy, xz),
+        _oblique(none, limits, words, 16, 1.0, -1.0, at, to, uy, uz, yy, zz, xy, xz),
+    )
+
+
 @njit(**KERNEL)
 def reached_masked(at, to, mask, spacing, limits, group, u, e, found):
     """Which even directions the bonds lie in that have come to their limits, but for rounding; arguments as for `force_masked`.
@@ -214,23 +233,10 @@ def reached_masked(at, to, mask, spacing, limits, group, u, e, found):
     Args:
         found: (8,) int64, written: a bit for each direction.
     """
-    words, none = load(mask, at), even(0.0)
-    shares = _shares(limits, group, spacing)
-    ux, uy, uz = u[0], u[1], u[2]
-    xx, yy, zz, yz, xz, xy = e[0], e[1], e[2], e[3], e[4], e[5]
-    w0, _, _, _ = _axial(none, shares, words, 0, 1.0, at, to, ux, xy, xz)
-    w1, _, _, _ = _axial(none, shares, words, 2, 1.0, at, to, uy, xy, yz)
-    w2, _, _, _ = _axial(none, shares, words, 4, 1.0, at, to, uz, xz, yz)
-    w3, _, _, _ = _oblique(none, shares, words, 6, 1.0, 1.0, at, to, ux, uy, xx, yy, xz, yz)
-    w4, _, _, _ = _oblique(none, shares, words, 8, 1.0, -1.0, at, to, ux, uy, xx, yy, xz, yz)
-    w5, _, _, _ = _oblique(none, shares, words, 10, 1.0, 1.0, at, to, ux, uz, xx, zz, xy, yz)
-    w6, _, _, _ = _oblique(none, shares, words, 12, 1.0, -1.0, at, to, ux, uz, xx, zz, xy, yz)
-    w7, _, _, _ = _oblique(none, shares, words, 14, 1.0, 1.0, at, to, uy, uz, yy, zz, xy, xz)
-    w8, _, _, _ = _oblique(none, shares, words, 16, 1.0, -1.0, at, to, uy, uz, yy, zz, xy, xz)
     for lane in range(WIDTH):
         found[lane] = 0
     k = 0
-    for worst in (w0, w1, w2, w3, w4, w5, w6, w7, w8):
+    for worst, _, _, _ in _even_bonds(_shares(limits, group, spacing), load(mask, at), at, to, u, e):
         rows = above(worst, NEARLY)
         for lane in range(WIDTH):
             found[lane] |= (rows >> lane & 1) << k
@@ -240,18 +246,9 @@ def reached_masked(at, to, mask, spacing, limits, group, u, e, found):
 @njit(**KERNEL)
 def energy_masked(at, to, mask, spacing, springs, u, e):
     """Energy (J) of the bonds that a block leaves in even directions, arguments as for `force_masked`."""
-    words, none = load(mask, at), even(0.0)
-    ux, uy, uz = u[0], u[1], u[2]
-    xx, yy, zz, yz, xz, xy = e[0], e[1], e[2], e[3], e[4], e[5]
-    _, n0, a0, b0 = _axial(none, None, words, 0, 1.0, at, to, ux, xy, xz)
-    _, n1, a1, b1 = _axial(none, None, words, 2, 1.0, at, to, uy, xy, yz)
-    _, n2, a2, b2 = _axial(none, None, words, 4, 1.0, at, to, uz, xz, yz)
-    _, n3, a3, b3 = _oblique(none, None, words, 6, 1.0, 1.0, at, to, ux, uy, xx, yy, xz, yz)
-    _, n4, a4, b4 = _oblique(none, None, words, 8, 1.0, -1.0, at, to, ux, uy, xx, yy, xz, yz)
-    _, n5, a5, b5 = _oblique(none, None, words, 10, 1.0, 1.0, at, to, ux, uz, xx, zz, xy, yz)
-    _, n6, a6, b6 = _oblique(none, None, words, 12, 1.0, -1.0, at, to, ux, uz, xx, zz, xy, yz)
-    _, n7, a7, b7 = _oblique(none, None, words, 14, 1.0, 1.0, at, to, uy, uz, yy, zz, xy, xz)
-    _, n8, a8, b8 = _oblique(none, None, words, 16, 1.0, -1.0, at, to, uy, uz, yy, zz, xy, xz)
+    bonds = _even_bonds(None, load(mask, at), at, to, u, e)
+    (_, n0, a0, b0), (_, n1, a1, b1), (_, n2, a2, b2), (_, n3, a3, b3), (_, n4, a4, b4) = bonds[:5]
+    (_, n5, a5, b5), (_, n6, a6, b6), (_, n7, a7, b7), (_, n8, a8, b8) = bonds[5:]
     normal, shear = springs[0], springs[1]
     stretched = normal[0] * (n0 * n0) + normal[2] * (n1 * n1) + normal[4] * (n2 * n2) + normal[6] * (n3 * n3) + normal[8] * (n4 * n4)
     stretched = stretched + normal[10] * (n5 * n5) + normal[12] * (n6 * n6) + normal[14] * (n7 * n7) + normal[16] * (n8 * n8)
